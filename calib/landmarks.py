@@ -1,0 +1,412 @@
+"""Landmarks of an open hand in its silhouette: tips, valleys, wrist, and which side it is.
+
+The palm is the largest disc in the silhouette (centre ``c``, radius ``r``, by the distance
+transform), and every length below is in ``r``, so nothing depends on the size of the picture.
+The outline is resampled to steps of ``r / 32`` and smoothed. With arms of half ``r`` along it the
+k-cosine at a point ``p_i`` is::
+
+    cos(p_{i-k} - p_i, p_{i+k} - p_i),   k = 16 steps
+
+A **tip** is a maximum of it where the outline is convex, far from the palm, clear of the image
+border, and narrow: a sleeve's corner is as sharp as a finger but grows wider behind its point.
+Five tips in a row along the outline are a hand; the wrist lies in the gap between the last and
+the first. A **valley** is the deepest point under the chord of two neighbouring tips. The
+**thumb** is the end with the lower valley, the lower tip and the wider angle, which gives the
+side of a palm that faces the camera. Where the signs disagree the answer is a refusal with its
+reason, never a guess.
+
+>>> import numpy as np
+>>> landmarks, seen = search_landmarks(np.ones((64, 64), bool))
+>>> landmarks is None, seen.sentence
+(True, 'fewer than five fingertips stand out: open the hand and spread the fingers')
+"""
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+
+from handtrack.records import freeze_arrays
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+STEPS_PER_RADIUS = 32
+ARM = STEPS_PER_RADIUS // 2
+SMOOTHING_R = 0.045  # 2 px on a hand of 200 px
+MIN_COSINE = 0.25
+MIN_TIP_DISTANCE_R = 1.35
+MAX_TIP_WIDTH_R = 0.75
+MAX_TIP_GROWTH = 1.4
+MIN_PALM_RADIUS_PX = 6.0
+#: Usual length of a digit from its valleys to its tip, in palm radii, thumb to little.
+USUAL_REACH_R = np.array([1.35, 1.75, 1.95, 1.8, 1.35])
+
+
+class Seen(Enum):
+    """What a silhouette shows; the value is a sentence for people."""
+
+    OPEN_HAND = "an open hand with five fingertips"
+    NOTHING = "the silhouette is empty or too small to hold a hand"
+    FEW_TIPS = "fewer than five fingertips stand out: open the hand and spread the fingers"
+    MANY_TIPS = "more than five tips stand out: show one hand, away from other things"
+    CLIPPED = "the hand runs over the edge of the picture: show all of it"
+    OTHER_SIDE = "the thumb is on the other side: check the side, or which way the hand faces"
+    POOR_FIT = "a hand was found but the model does not fit it: show it flat to the camera"
+    NO_THUMB = "the thumb cannot be told from the little finger: spread the thumb"
+
+    @property
+    def sentence(self) -> str:
+        """The value as text."""
+        return str(self.value)
+
+
+@dataclass(frozen=True, eq=False)
+class Landmarks:
+    """An open hand's landmarks in pixels; the outline runs from the wrist's thumb side round.
+
+    Digits are ordered thumb to little. ``label`` is the digit a contour point belongs to, -1 on
+    the palm, in the valleys and on the forearm. ``side`` holds for a palm facing the camera.
+    """
+
+    centre_px: Array  # (2,)
+    radius_px: float
+    contour_px: Array  # (n, 2)
+    label: NDArray[np.int64]  # (n,)
+    tip_index: NDArray[np.int64]  # (5,) into the contour
+    valley_index: NDArray[np.int64]  # (4,) thumb-index, index-middle, middle-ring, ring-little
+    up: Array  # (2,) unit, wrist to fingers
+    wrist_px: Array  # (2,)
+    wrist_width_px: float
+    wrist_seen: bool  # a neck was found; otherwise the wrist is put where it usually is
+    side: str  # "right" or "left"
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+    @property
+    def tips_px(self) -> Array:
+        """Fingertips ``(5, 2)``, thumb to little."""
+        return self.contour_px[self.tip_index]
+
+    @property
+    def valleys_px(self) -> Array:
+        """Valleys ``(4, 2)`` between neighbouring digits."""
+        return self.contour_px[self.valley_index]
+
+    @property
+    def reach_r(self) -> Array:
+        """Length ``(5,)`` of each digit from its valleys to its tip, in palm radii."""
+        v = self.valleys_px
+        roots = np.array([v[0], v[1], (v[1] + v[2]) / 2, (v[2] + v[3]) / 2, v[3]])
+        return np.asarray(np.linalg.norm(self.tips_px - roots, axis=1) / self.radius_px)
+
+
+def find_landmarks(mask: Mask) -> Landmarks | None:
+    """Landmarks of the open hand in ``mask`` ``(h, w)``, or None (see :func:`search_landmarks`)."""
+    return search_landmarks(mask)[0]
+
+
+def search_landmarks(mask: Mask) -> tuple[Landmarks | None, Seen]:
+    """Landmarks of the open hand in ``mask`` ``(h, w)``, and what was seen."""
+    seen = Seen.NOTHING
+    for centre, radius, outline in _palm_candidates(mask):
+        contour = _resampled(outline, radius)
+        if len(contour) < 10 * ARM:
+            continue
+        found, here = _five_tips(contour, centre, radius, mask.shape)
+        if here is Seen.OPEN_HAND and found is not None:
+            landmarks = _describe(contour, centre, radius, found)
+            if landmarks is not None:
+                return landmarks, Seen.OPEN_HAND
+            here = Seen.NO_THUMB
+        seen = here if seen in (Seen.NOTHING, Seen.FEW_TIPS) else seen
+    return None, seen
+
+
+def start_quality(landmarks: Landmarks) -> float:
+    """How good a start this hand is, 0 to 1: the worst of reach, spread and straightness.
+
+    A digit much shorter than usual is bent or tilted away; neighbours that hardly spread leave
+    their valleys, and so the knuckles, undefined; a finger whose midline bends is curled.
+    """
+    reach = landmarks.reach_r / USUAL_REACH_R
+    spread = np.degrees(_spread_angles(landmarks))
+    terms = (
+        float(np.min((reach - 0.55) / 0.3)),
+        float((reach.min() / reach.max() - 0.4) / 0.3),
+        float((spread[0] - 10) / 20),
+        float(np.min((spread[1:] - 2) / 6)),
+        float((0.16 - _bow(landmarks).max()) / 0.08),
+    )
+    return float(np.clip(min(terms), 0.0, 1.0))
+
+
+def is_good_start(landmarks: Landmarks | None, threshold: float = 0.35) -> bool:
+    """Whether the hand is open, frontal and spread enough to calibrate and to start from."""
+    return landmarks is not None and start_quality(landmarks) >= threshold
+
+
+def _palm_candidates(mask: Mask) -> Iterator[tuple[Array, float, Array]]:
+    """Up to three discs ``(centre, radius, outline)`` that may be palms, the largest first."""
+    binary = np.ascontiguousarray(mask, dtype=np.uint8)
+    outlines, _ = cv2.findContours(binary, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    outlines = [o for o in outlines if len(o) >= 8]
+    if not outlines:
+        return
+    outline = max(outlines, key=cv2.contourArea)
+    filled = np.zeros((binary.shape[0] + 2, binary.shape[1] + 2), np.uint8)
+    cv2.drawContours(filled, [outline], 0, 1, cv2.FILLED, offset=(1, 1))
+    distance = cv2.distanceTransform(filled, cv2.DIST_L2, 5)[1:-1, 1:-1]
+    largest = 0.0
+    for _ in range(3):
+        _, radius, _, (x, y) = cv2.minMaxLoc(distance)
+        largest = max(largest, radius)
+        if radius < max(MIN_PALM_RADIUS_PX, 0.5 * largest):
+            return
+        yield np.array([x, y], float), float(radius), outline[:, 0].astype(float)
+        cv2.circle(distance, (x, y), round(2.2 * radius), 0.0, cv2.FILLED)
+
+
+def _resampled(outline: Array, radius: float) -> Array:
+    """The outline in steps of ``radius / 32``, smoothed, moved from pixel centres to the edge."""
+    closed = np.vstack([outline, outline[:1]])
+    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(closed, axis=0), axis=1))])
+    n = round(arc[-1] * STEPS_PER_RADIUS / radius)
+    at = np.arange(n) * arc[-1] / max(n, 1)
+    points = np.stack([np.interp(at, arc, closed[:, i]) for i in (0, 1)], axis=1)
+    points = gaussian_filter1d(points, SMOOTHING_R * STEPS_PER_RADIUS, axis=0, mode="wrap")
+    return np.asarray(points + 0.5 * _normals(points))
+
+
+def _normals(points: Array) -> Array:
+    """Outward unit normals of a closed outline."""
+    tangent = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
+    x, y = points.T
+    area = float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
+    normal = np.stack([tangent[:, 1], -tangent[:, 0]], axis=1) * np.sign(area)
+    return np.asarray(normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9))
+
+
+def _five_tips(
+    contour: Array, centre: Array, radius: float, size: tuple[int, ...]
+) -> tuple[NDArray[np.int64] | None, Seen]:
+    """Indices of five tips in contour order, the wrist's gap between the last and the first."""
+    tips = _tips(contour, centre, radius, size)
+    if len(tips) < 5:
+        return None, Seen.FEW_TIPS
+    angle = np.arctan2(*(contour[tips] - centre).T[::-1])
+    turn = np.sign(_signed_area(contour))
+    gap = np.mod(turn * (np.roll(angle, -1) - angle), 2 * np.pi)
+    tips = np.roll(tips, -(int(np.argmax(gap)) + 1))
+    if len(tips) > 5:
+        return None, Seen.MANY_TIPS
+    inside = np.arange(tips[0], tips[0] + (tips[-1] - tips[0]) % len(contour)) % len(contour)
+    if _on_border(contour[inside], size).any():
+        return None, Seen.CLIPPED
+    return tips, Seen.OPEN_HAND
+
+
+def _tips(contour: Array, centre: Array, radius: float, size: tuple[int, ...]) -> NDArray[np.int64]:
+    """Indices of the points that look like fingertips, in contour order."""
+
+    def arms(k: int) -> tuple[Array, Array]:
+        return np.roll(contour, k, axis=0) - contour, np.roll(contour, -k, axis=0) - contour
+
+    a, b = arms(ARM)
+    A, B = arms(2 * ARM)
+    dot = np.sum(a * b, axis=1)
+    cosine = dot / np.maximum(np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1), 1e-9)
+    convex = (a[:, 1] * b[:, 0] - a[:, 0] * b[:, 1]) * np.sign(_signed_area(contour)) > 0
+    width = np.linalg.norm(a - b, axis=1)
+    ok = (
+        convex
+        & (cosine > MIN_COSINE)
+        & (np.linalg.norm(contour - centre, axis=1) > MIN_TIP_DISTANCE_R * radius)
+        & (width < MAX_TIP_WIDTH_R * radius)
+        & (np.linalg.norm(A - B, axis=1) < MAX_TIP_GROWTH * width)
+        & ~_on_border(contour, size)
+    )
+    score = np.where(ok, cosine, -1.0)
+    peak = ok & (score == maximum_filter1d(score, 2 * STEPS_PER_RADIUS + 1, mode="wrap"))
+    return np.array(
+        [_outermost(contour, int(i)) for i in _one_of_each_run(np.flatnonzero(peak))], np.int64
+    )
+
+
+def _one_of_each_run(indices: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The first of every run of equal peaks."""
+    keep = np.diff(indices, prepend=-2 * STEPS_PER_RADIUS) > STEPS_PER_RADIUS
+    return np.asarray(indices[keep])
+
+
+def _outermost(contour: Array, i: int) -> int:
+    """The point near ``i`` that lies farthest out along the finger's own axis."""
+    n = len(contour)
+    axis = contour[i] - (contour[(i - 2 * ARM) % n] + contour[(i + 2 * ARM) % n]) / 2
+    near = (i + np.arange(-ARM, ARM + 1)) % n
+    return int(near[np.argmax(contour[near] @ axis)])
+
+
+def _signed_area(points: Array) -> float:
+    x, y = points.T
+    return float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) / 2)
+
+
+def _on_border(points: Array, size: tuple[int, ...]) -> NDArray[np.bool_]:
+    height, width = size
+    low = np.min(points, axis=1) < 1.0
+    return np.asarray(low | (points[:, 0] > width - 2.0) | (points[:, 1] > height - 2.0))
+
+
+def _describe(
+    contour: Array, centre: Array, radius: float, tips: NDArray[np.int64]
+) -> Landmarks | None:
+    """Valleys, thumb, wrist and labels of a hand with five tips; None without a clear thumb."""
+    n = len(contour)
+    middle = (tips[-1] + ((tips[0] - tips[-1]) % n) // 2) % n  # of the wrist's gap
+    contour, tips = np.roll(contour, -middle, axis=0), (tips - middle) % n
+    valleys = np.array([_valley(contour, i, j) for i, j in itertools.pairwise(tips)])
+    end = _thumb_end(contour[tips], contour[valleys], centre, radius)
+    if end is None:
+        return None
+    if end == 4:
+        contour, tips, valleys = contour[::-1], (n - 1 - tips)[::-1], (n - 1 - valleys)[::-1]
+    # round from the thumb: counter-clockwise on the screen is a right palm
+    side = "right" if _signed_area(contour) < 0 else "left"
+    up = _unit(contour[tips[1:4]].mean(axis=0) - centre)
+    found = Landmarks(
+        centre_px=centre,
+        radius_px=radius,
+        contour_px=contour,
+        label=np.full(n, -1, np.int64),
+        tip_index=tips,
+        valley_index=valleys,
+        up=up,
+        wrist_px=centre - 1.25 * radius * up,
+        wrist_width_px=1.3 * radius,
+        wrist_seen=False,
+        side=side,
+    )
+    return _with_labels(_with_wrist(found))
+
+
+def _unit(vector: Array) -> Array:
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def _valley(contour: Array, i: int, j: int) -> int:
+    """The point of the outline between tips ``i < j`` that is deepest under their chord."""
+    between = np.arange(i, j + 1)
+    chord = contour[j] - contour[i]
+    depth = np.abs((contour[between] - contour[i]) @ np.array([-chord[1], chord[0]]))
+    return int(between[np.argmax(depth)])
+
+
+def _thumb_end(tips: Array, valleys: Array, centre: Array, radius: float) -> int | None:
+    """0 or 4: which end of the row of tips is the thumb; None where the signs disagree."""
+    up = _unit(tips[1:4].mean(axis=0) - centre)
+    height = (valleys - centre) @ up / radius
+    tip = (tips - centre) @ up / radius
+    angle = [
+        _angle(tips[0] - valleys[0], tips[1] - valleys[0]),
+        _angle(tips[4] - valleys[3], tips[3] - valleys[3]),
+    ]
+    signs = np.array(
+        [
+            (height[3] - height[0]) / 0.35,
+            (tip[4] - tip[0]) / 0.8,
+            (angle[0] - angle[1]) / 0.6,
+        ]
+    )
+    total = float(signs.sum())
+    agree = np.sign(signs) == np.sign(total)
+    if abs(total) < 1.2 or not agree[0] or agree.sum() < 2 or abs(signs[0]) < 0.4:
+        return None
+    return 0 if total > 0 else 4
+
+
+def _angle(a: Array, b: Array) -> float:
+    """Angle in radians between two plane vectors."""
+    return float(np.arccos(np.clip(_unit(a) @ _unit(b), -1.0, 1.0)))
+
+
+def _spread_angles(landmarks: Landmarks) -> Array:
+    """Angle ``(4,)`` at each valley between the two tips beside it, radians."""
+    tips, valleys = landmarks.tips_px, landmarks.valleys_px
+    return np.array([_angle(tips[d] - valleys[d], tips[d + 1] - valleys[d]) for d in range(4)])
+
+
+def _bow(landmarks: Landmarks) -> Array:
+    """How far each finger's midline leaves the straight, over its length, ``(4,)``."""
+    bow = []
+    for d in range(1, 5):
+        tip = landmarks.tip_index[d]
+        steps = min(tip - landmarks.valley_index[d - 1], 2 * STEPS_PER_RADIUS)
+        if d < 4:
+            steps = min(steps, landmarks.valley_index[d] - tip)
+        k = np.arange(ARM // 2, max(steps - ARM // 2, ARM))
+        middle = (landmarks.contour_px[tip - k] + landmarks.contour_px[tip + k]) / 2
+        axis = _unit(middle[0] - middle[-1])
+        off = (middle - middle[-1]) @ np.array([-axis[1], axis[0]])
+        bow.append(np.ptp(off) / max(np.linalg.norm(middle[0] - middle[-1]), 1.0))
+    return np.array(bow)
+
+
+def _with_wrist(landmarks: Landmarks) -> Landmarks:
+    """Put the wrist at the neck of the outline under the palm, if there is one."""
+    contour, up, r = landmarks.contour_px, landmarks.up, landmarks.radius_px
+    across = np.array([-up[1], up[0]])
+    depth = -(contour - landmarks.centre_px) @ up / r
+    offset = (contour - landmarks.centre_px) @ across
+    n = len(contour)
+    thumb_side = np.arange(landmarks.tip_index[0])
+    little_side = np.arange(landmarks.tip_index[4], n)
+    levels = np.arange(0.8, 1.9, 0.05)
+    width, middle = np.full(len(levels), np.nan), np.zeros(len(levels))
+    for k, level in enumerate(levels):
+        a = thumb_side[depth[thumb_side] >= level]
+        b = little_side[depth[little_side] >= level]
+        if len(a) and len(b):
+            # the crossings nearest to the digits, so that a bent forearm does not matter
+            edges = offset[a[-1]], offset[b[0]]
+            width[k], middle[k] = abs(edges[0] - edges[1]), sum(edges) / 2
+    if np.isnan(width).all() or np.isnan(width[0]):
+        return landmarks
+    k = _neck(width)
+    seen = bool(0 < k < np.sum(~np.isnan(width)) - 1)
+    level = levels[k] if seen else 1.25
+    k = k if seen else int(np.nanargmin(np.abs(levels - level) + 9 * np.isnan(width)))
+    return replace(
+        landmarks,
+        wrist_px=landmarks.centre_px - level * r * up + middle[k] * across,
+        wrist_width_px=float(width[k]),
+        wrist_seen=seen,
+    )
+
+
+def _neck(width: Array) -> int:
+    """The first level below the palm where the outline is within 3 % of its narrowest."""
+    return int(np.flatnonzero(width <= 1.03 * np.nanmin(width))[0])
+
+
+def _with_labels(landmarks: Landmarks) -> Landmarks:
+    """Give each digit its stretch of the outline, clear of the valleys."""
+    tip, valley = landmarks.tip_index, landmarks.valley_index
+    label = np.full(len(landmarks.contour_px), -1, np.int64)
+    clear = ARM // 2
+    for d in range(5):
+        inner = valley[d] - tip[d] if d < 4 else tip[d] - valley[d - 1]
+        begin = tip[d] - (valley[d - 1] if d > 0 else 0)
+        begin = inner if d in (0, 1) else begin  # the outer side of the index, and the thumb's
+        end = inner
+        label[tip[d] - begin + clear : tip[d] + end - clear + 1] = d
+    depth = -(landmarks.contour_px - landmarks.wrist_px) @ landmarks.up / landmarks.radius_px
+    outer = np.arange(len(label)) <= tip[0]
+    label[outer & (depth < -0.3)] = 0  # the thumb's back, down to its base
+    return replace(landmarks, label=label)
