@@ -12,11 +12,22 @@ frame is worked on; a camera seen through it is again a camera.
 """
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from handtrack.errors import InputError
+from handtrack.toml_file import check_keys, read_document, write_document
+
 Array = NDArray[np.float64]
+
+FORMAT = "handtrack-camera"
+FORMAT_VERSION = 1
+_KEYS = ("fx_px", "fy_px", "cx_px", "cy_px", "width_px", "height_px")
+
+#: Two images are of one shape where their width over height agrees to this part.
+ASPECT_TOLERANCE = 0.01
 
 #: Focal length over the longer image side where no camera file is given: a 58 deg field of view.
 ASSUMED_FOCAL_RATIO = 0.9
@@ -85,3 +96,53 @@ class Camera:
     def mirrored(self) -> "Camera":
         """The camera of the image flipped left to right (how a left hand is tracked)."""
         return replace(self, cx_px=self.width_px - 1 - self.cx_px)
+
+    def for_size(self, width_px: int, height_px: int) -> "Camera":
+        """This camera for an image of another size but the same shape.
+
+        Raises
+        ------
+        InputError
+            Width over height differs: another crop or another way up, not another size.
+        """
+        sx, sy = width_px / self.width_px, height_px / self.height_px
+        if abs(sx / sy - 1) > ASPECT_TOLERANCE:
+            raise InputError(
+                f"the camera is for {self.width_px} x {self.height_px} pixels and the frames are "
+                f"{width_px} x {height_px}, which is another shape: calibrate with frames like them"
+            )
+        return replace(
+            self,
+            fx_px=self.fx_px * sx,
+            fy_px=self.fy_px * sy,
+            cx_px=(self.cx_px + 0.5) * sx - 0.5,
+            cy_px=(self.cy_px + 0.5) * sy - 0.5,
+            width_px=width_px,
+            height_px=height_px,
+        )
+
+    def save(self, path: str | Path, source: str = "") -> None:
+        """Write ``camera.toml``: pixels of frames as they are shown, and where it comes from."""
+        document = {key: getattr(self, key) for key in _KEYS} | {"source": source}
+        write_document(path, FORMAT, FORMAT_VERSION, document)
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Camera":
+        """Read what :meth:`save` wrote.
+
+        Raises
+        ------
+        InputError
+            The file cannot be read, has an unknown or missing key, or a value makes no camera.
+        """
+        document = read_document(path, FORMAT, FORMAT_VERSION)
+        check_keys(path, set(document), set(_KEYS), {"source"})
+        for key in _KEYS:
+            value, whole = document[key], key in ("width_px", "height_px")
+            number = isinstance(value, int if whole else (int, float)) and value is not True
+            if not number or not np.isfinite(value) or (key[0] in "fwh" and value <= 0):
+                kind = "a whole number" if whole else "a number"
+                raise InputError(f"{path}: {key} = {value!r} is not {kind} that makes a camera")
+        width, height = document["width_px"], document["height_px"]
+        f, c = [[float(document[f"{kind}{axis}_px"]) for axis in "xy"] for kind in "fc"]
+        return cls(f[0], f[1], c[0], c[1], width, height)

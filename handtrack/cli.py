@@ -20,7 +20,6 @@ import importlib.util
 import io
 import itertools
 import sys
-import tomllib
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import fields
@@ -31,6 +30,7 @@ from typing import Any
 import tyro
 
 from handtrack.errors import EXIT_INTERRUPTED, HandtrackError, InputError
+from handtrack.toml_file import read_toml
 
 #: What is typed (one or two words) -> ``module:Class``.
 COMMANDS: dict[str, str] = {}
@@ -117,12 +117,7 @@ def config_flags(path: Path, options: dict[str, Any], given: set[str]) -> list[l
     InputError
         The file cannot be read, is not TOML, or has a key that is no option.
     """
-    try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot read the settings ({error.strerror})") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not a TOML file ({error})") from error
+    document = read_toml(path)
     flags = []
     for key, value in document.items():
         name = key.replace("-", "_")

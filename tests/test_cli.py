@@ -126,7 +126,7 @@ def test_settings_file_is_refused_by_name(text, says, tmp_path):
 
 def test_missing_settings_file_is_named(tmp_path, capsys):
     assert cli.main(["probe", "x", f"--config={tmp_path / 'none.toml'}"]) == 2
-    assert "none.toml: cannot read the settings" in capsys.readouterr().err
+    assert "none.toml: cannot be read" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("argv", [[], ["--help"], ["-h"]])
