@@ -52,7 +52,8 @@ class CapsuleHand:
     capsule_node : (C, 2)
         The two nodes of each capsule.
     capsule_digit, capsule_bone : (C,)
-        The digit and the bone (0 to 2) of each capsule; ``PALM`` and -1 for the palm.
+        The digit and the bone (0 to 2) of each capsule; ``PALM`` and -1 for the palm, -2 for the
+        wrist, whose outline is not the hand's.
     """
 
     def __init__(self, shape: HandShape) -> None:
@@ -120,7 +121,7 @@ def _build(shape: HandShape) -> tuple[list[_Node], list[tuple[int, int, int, int
         capsules.append((wrist[d - 1], knuckle[d], PALM, -1))
     for d in range(1, 4):
         capsules.append((knuckle[d], knuckle[d + 1], PALM, -1))
-    capsules.append((wrist[0], wrist[3], PALM, -1))
+    capsules.append((wrist[0], wrist[3], PALM, -2))
     capsules.append((wrist[0], knuckle[0], PALM, -1))
     for x, y in _hypothenar(shape):
         capsules.append((palm_node(x + r, y, 0.0, r), wrist[2], PALM, -1))
@@ -128,7 +129,8 @@ def _build(shape: HandShape) -> tuple[list[_Node], list[tuple[int, int, int, int
     # the web between thumb and index: it moves with the thumb's metacarpal
     nodes.append(_Node(1, 2, 0.55, (0.0, 0.0, 0.0), 0.8 * shape.radius_mm[0, 1], 0))
     thumb_web = len(nodes) - 1
-    index_web = palm_node(*(0.62 * shape.base_mm[1]), 0.85 * r)
+    x, y, z = 0.62 * shape.base_mm[1]
+    index_web = palm_node(x, y, z, 0.85 * r)
     capsules.append((thumb_web, index_web, 0, 0))
     return nodes, capsules
 

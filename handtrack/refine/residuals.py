@@ -1,0 +1,280 @@
+"""The energy that refinement lowers, with its Gauss-Newton system, in one pass.
+
+Unknowns are a palm increment and the angles, ``x = (w, v, theta)``: ``R <- exp(w) R``,
+``t <- t + v`` (26 numbers). With robust ``rho(r) = c^2 r^2 / (c^2 + r^2)`` (Geman and McClure)::
+
+    E = [ sum contour rho(d(p))               image -> nearest compatible capsule
+        + a sum silhouette rho(max(sdf, ..))   model outline -> image outline
+        + b sum internal rho(k) ] / sigma^2    fingers before the hand: edges along the normal
+        + (theta - mu)' P (theta - mu) + |temporal|^2 + |limits|^2
+
+Image to model and model to image are both needed: either alone is blind to what the other shows
+(a finger that is not there, a finger that is not modelled). Samples hidden behind a nearer
+capsule do not vote (the paper's occlusion map, Section 4.2).
+"""
+
+import numba
+import numpy as np
+
+from handtrack.hand.capsules import capsule_distance
+from handtrack.hand.kinematics import jacobian_kernel
+
+#: Samples along a bone, and the directions (cosine, sine to the bone) of those on its tip.
+SIDE_T = np.array([0.2, 0.5, 0.8])
+TIP_DIRECTIONS = np.array([[0.0, 1.0], [0.7071, 0.7071], [1.0, 0.0], [0.7071, -0.7071], [0.0, -1]])
+N_POSE = 6
+
+
+@numba.njit(cache=True, nogil=True)
+def place_nodes(theta, R, t, hand, K, circles, Jc):  # type: ignore[no-untyped-def]
+    """Fill ``circles`` ``(n, 4)`` (x, y, radius px, depth mm) and their derivatives.
+
+    ``Jc`` ``(n, 3, 10)``: of x, y, radius by the six pose numbers and the digit's four angles.
+    ``hand`` is ``(base, rest, length, node_from, node_weight, node_offset, node_radius, digit)``.
+    """
+    base, rest, length, node_from, node_weight, node_offset, node_radius, digit = hand
+    points = np.zeros((21, 3))
+    J = np.zeros((21, 3, 20))
+    jacobian_kernel(theta, base, rest, length, points, J)
+    fx, fy, cx, cy = K[0], K[1], K[2], K[3]
+    X = np.empty(3)
+    P = np.empty(3)
+    dX = np.zeros((3, 10))
+    for n in range(len(node_weight)):
+        i, j, w = node_from[n, 0], node_from[n, 1], node_weight[n]
+        for a in range(3):
+            P[a] = (1 - w) * points[i, a] + w * points[j, a] + node_offset[n, a]
+        for a in range(3):
+            X[a] = R[a, 0] * P[0] + R[a, 1] * P[1] + R[a, 2] * P[2]
+        # d exp(w) X / dw = -[X]x, with X the rotated point before translation
+        dX[:] = 0.0
+        dX[0, 1], dX[0, 2] = X[2], -X[1]
+        dX[1, 0], dX[1, 2] = -X[2], X[0]
+        dX[2, 0], dX[2, 1] = X[1], -X[0]
+        for a in range(3):
+            dX[a, 3 + a] = 1.0
+            X[a] += t[a]
+        if digit[n] >= 0:
+            for q in range(4):
+                c = 4 * digit[n] + q
+                for a in range(3):
+                    s = 0.0
+                    for b in range(3):
+                        s += R[a, b] * ((1 - w) * J[i, b, c] + w * J[j, b, c])
+                    dX[a, 6 + q] = s
+        z = max(X[2], 10.0)
+        circles[n, 0] = fx * X[0] / z + cx
+        circles[n, 1] = fy * X[1] / z + cy
+        circles[n, 2] = fx * node_radius[n] / z
+        circles[n, 3] = z
+        for q in range(10):
+            Jc[n, 0, q] = fx * (dX[0, q] - X[0] / z * dX[2, q]) / z
+            Jc[n, 1, q] = fy * (dX[1, q] - X[1] / z * dX[2, q]) / z
+            Jc[n, 2, q] = -circles[n, 2] / z * dX[2, q]
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def rho(r, c2):  # type: ignore[no-untyped-def]
+    """Geman and McClure's robust function, saturating at ``c2``."""
+    return c2 * r * r / (c2 + r * r)
+
+
+@numba.njit(cache=True, nogil=True)
+def add_row(H, g, row, digit, r, weight):  # type: ignore[no-untyped-def]
+    """Add one residual with derivative ``row`` ``(10,)`` to the normal equations."""
+    n = 10 if digit >= 0 else 6
+    for a in range(n):
+        ia = a if a < 6 else 6 + 4 * digit + a - 6
+        wa = weight * row[a]
+        g[ia] += wa * r
+        for b in range(n):
+            ib = b if b < 6 else 6 + 4 * digit + b - 6
+            H[ia, ib] += wa * row[b]
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def nearest_capsule(p, n, circles, capsules, skip_digit, capsule_digit):  # type: ignore[no-untyped-def]
+    """Nearest capsule to ``p`` whose outline faces as ``n``: distance, index, ``t*``."""
+    best, which, t_best = 1e3, -1, 0.0
+    for c in range(len(capsules)):
+        if capsule_digit[c] == skip_digit:
+            continue
+        a, b = capsules[c, 0], capsules[c, 1]
+        d, t = capsule_distance(
+            p[0], p[1],
+            circles[a, 0], circles[a, 1], circles[a, 2],
+            circles[b, 0], circles[b, 1], circles[b, 2],
+        )  # fmt: skip
+        if d < best:
+            mx = p[0] - circles[a, 0] - t * (circles[b, 0] - circles[a, 0])
+            my = p[1] - circles[a, 1] - t * (circles[b, 1] - circles[a, 1])
+            if mx * n[0] + my * n[1] > 0.3 * np.sqrt(mx * mx + my * my):
+                best, which, t_best = d, c, t
+    return best, which, t_best
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def bilinear(image, x, y):  # type: ignore[no-untyped-def]
+    """Value of ``image`` at ``(x, y)``, which must lie at least a pixel inside."""
+    i, j = int(y), int(x)
+    fy, fx = y - i, x - j
+    return (1 - fy) * ((1 - fx) * image[i, j] + fx * image[i, j + 1]) + fy * (
+        (1 - fx) * image[i + 1, j] + fx * image[i + 1, j + 1]
+    )
+
+
+@numba.njit(cache=True, nogil=True)
+def search_edge(x, y, nx, ny, reach, strength, edge_x, edge_y):  # type: ignore[no-untyped-def]
+    """Best edge along the normal: offset in px and strength (0 where there is none)."""
+    h, w = strength.shape
+    best, offset = 0.0, 0.0
+    for k in range(-reach, reach + 1):
+        i, j = int(y + k * ny + 0.5), int(x + k * nx + 0.5)
+        if i < 0 or j < 0 or i >= h or j >= w:
+            continue
+        s = strength[i, j]
+        if s > 0.05:
+            s *= abs(edge_x[i, j] * nx + edge_y[i, j] * ny) ** 4
+            s *= 1.0 - abs(k) / (reach + 1.0)
+            if s > best:
+                best, offset = s, k
+    return min(best / (1.0 - abs(offset) / (reach + 1.0)), 1.0), offset
+
+
+@numba.njit(cache=True, nogil=True)
+def sample_of(c, s, circles, capsules, bone):  # type: ignore[no-untyped-def]
+    """Outline sample ``s`` of capsule ``c``: t, unit normal; ``(-1, 0, 0)`` past the last."""
+    a, b = capsules[c, 0], capsules[c, 1]
+    ex, ey = circles[b, 0] - circles[a, 0], circles[b, 1] - circles[a, 1]
+    length = np.sqrt(ex * ex + ey * ey)
+    if length < 1e-6:
+        ex, ey, length = 1.0, 0.0, 1.0
+    ex, ey = ex / length, ey / length
+    taper = (circles[a, 2] - circles[b, 2]) / length
+    if s < 6:
+        if abs(taper) >= 1.0:
+            return -1.0, 0.0, 0.0
+        side = 1.0 if s % 2 == 0 else -1.0
+        cross = side * np.sqrt(1.0 - taper * taper)
+        return SIDE_T[s // 2], taper * ex - cross * ey, taper * ey + cross * ex
+    if bone != 2 or s >= 11:
+        return -1.0, 0.0, 0.0
+    co, si = TIP_DIRECTIONS[s - 6, 0], TIP_DIRECTIONS[s - 6, 1]
+    return 1.0, co * ex - si * ey, co * ey + si * ex
+
+
+@numba.njit(cache=True, nogil=True)
+def visibility(x, y, z, c, circles, capsules, digit, bone):  # type: ignore[no-untyped-def]
+    """0: hidden by a nearer capsule; 1: on the hand's outline; 2: in front of the hand.
+
+    ``z`` is the depth of the sample's axis point. Where skin goes on from bone to bone, or from
+    the palm into a finger, there is neither an outline nor an edge.
+    """
+    margin, seen = 4.0, 1
+    for e in range(len(capsules)):
+        if e == c:
+            continue
+        near = digit[e] == digit[c] and (digit[c] < 0 or abs(bone[e] - bone[c]) <= 1)
+        a, b = capsules[e, 0], capsules[e, 1]
+        d, t = capsule_distance(
+            x, y,
+            circles[a, 0], circles[a, 1], circles[a, 2],
+            circles[b, 0], circles[b, 1], circles[b, 2],
+        )  # fmt: skip
+        if d > -1.0:
+            continue
+        if near:
+            return 0
+        behind = circles[a, 3] + t * (circles[b, 3] - circles[a, 3]) - z
+        if behind < margin:
+            return 0
+        seen = 2
+    return seen
+
+
+@numba.njit(cache=True, nogil=True)
+def sample_energy(c, circles, capsules, digit, bone, view, weights, Jc, H, g):  # type: ignore[no-untyped-def]
+    """Energy of capsule ``c``'s outline samples; adds to ``H``, ``g`` unless they are empty."""
+    sdf, strength, edge_x, edge_y, valid = view
+    c2, silhouette, internal, reach = weights[1], weights[2], weights[3], int(weights[4])
+    energy = 0.0
+    row = np.zeros(10)
+    a, b = capsules[c, 0], capsules[c, 1]
+    for s in range(11):
+        t, nx, ny = sample_of(c, s, circles, capsules, bone[c])
+        if t < 0.0:
+            break
+        radius = circles[a, 2] + t * (circles[b, 2] - circles[a, 2])
+        x = circles[a, 0] + t * (circles[b, 0] - circles[a, 0]) + radius * nx
+        y = circles[a, 1] + t * (circles[b, 1] - circles[a, 1]) + radius * ny
+        if x < valid[0] + 1 or y < valid[1] + 1 or x > valid[2] - 2 or y > valid[3] - 2:
+            continue
+        z = circles[a, 3] + t * (circles[b, 3] - circles[a, 3])
+        seen = visibility(x, y, z, c, circles, capsules, digit, bone)
+        if seen == 0:
+            continue
+        gx, gy = nx, ny
+        if seen == 1:
+            r = bilinear(sdf, x, y)
+            weight = silhouette
+            gx = 0.5 * (bilinear(sdf, x + 1, y) - bilinear(sdf, x - 1, y))
+            gy = 0.5 * (bilinear(sdf, x, y + 1) - bilinear(sdf, x, y - 1))
+            energy += weight * rho(r, c2)
+        else:
+            found, k = search_edge(x, y, nx, ny, reach, strength, edge_x, edge_y)
+            r, weight = -float(k), internal * found
+            energy += weight * rho(r, c2) + internal * (1.0 - found) * rho(float(reach), c2)
+        if len(g) and weight > 0:
+            for q in range(10):
+                jx = (1 - t) * Jc[a, 0, q] + t * Jc[b, 0, q]
+                jy = (1 - t) * Jc[a, 1, q] + t * Jc[b, 1, q]
+                jr = (1 - t) * Jc[a, 2, q] + t * Jc[b, 2, q]
+                row[q] = gx * (jx + nx * jr) + gy * (jy + ny * jr)
+            robust = c2 / (c2 + r * r)
+            add_row(H, g, row, digit[c], r, weight * robust * robust)
+    return energy
+
+
+@numba.njit(cache=True, nogil=True)
+def image_energy(circles, capsules, digit, bone, contour, view, weights, Jc, H, g):  # type: ignore[no-untyped-def]
+    """The image part of ``E``, already over ``sigma^2``; fills ``H``, ``g`` unless empty.
+
+    ``contour`` ``(m, 5)``: x, y, normal, weight. ``weights``: sigma, c^2, silhouette, internal,
+    reach.
+    """
+    c2 = weights[1]
+    energy = 0.0
+    row = np.zeros(10)
+    for m in range(len(contour)):
+        w = contour[m, 4]
+        if w <= 0:
+            continue
+        p, n = contour[m, :2], contour[m, 2:4]
+        d, c, t = nearest_capsule(p, n, circles, capsules, -9, digit)
+        if c < 0:
+            energy += w * c2
+            continue
+        energy += w * rho(d, c2)
+        if len(g):
+            a, b = capsules[c, 0], capsules[c, 1]
+            mx = p[0] - circles[a, 0] - t * (circles[b, 0] - circles[a, 0])
+            my = p[1] - circles[a, 1] - t * (circles[b, 1] - circles[a, 1])
+            norm = max(np.sqrt(mx * mx + my * my), 1e-6)
+            mx, my = mx / norm, my / norm
+            for q in range(10):
+                row[q] = -(
+                    mx * ((1 - t) * Jc[a, 0, q] + t * Jc[b, 0, q])
+                    + my * ((1 - t) * Jc[a, 1, q] + t * Jc[b, 1, q])
+                    + (1 - t) * Jc[a, 2, q]
+                    + t * Jc[b, 2, q]
+                )
+            robust = c2 / (c2 + d * d)
+            add_row(H, g, row, digit[c], d, w * robust * robust)
+    for c in range(len(capsules)):
+        if bone[c] > -2:
+            energy += sample_energy(c, circles, capsules, digit, bone, view, weights, Jc, H, g)
+    scale = 1.0 / (weights[0] * weights[0])
+    if len(g):
+        H *= scale
+        g *= scale
+    return energy * scale
