@@ -1,0 +1,207 @@
+"""The place behind the hand: a running mean of each pixel while the camera stands still.
+
+Two ways to know what a pixel looks like without the hand:
+
+- :class:`Background`: mean and variance over the frames in which the hand was elsewhere, at most
+  640 px on the long side. A change of exposure is followed by one gain; when most of the picture
+  changes the camera has moved, and everything is forgotten.
+- :func:`smooth_backdrop`: from a single frame, a quadratic in x and y fitted robustly to the
+  picture's border. It is as good as a photograph of the backdrop where that is plain, whatever
+  colour the hand has, and its residual says when it is not.
+
+>>> frame = np.full((48, 64, 3), 90, np.uint8)
+>>> backdrop, sigma = smooth_backdrop(frame)
+>>> float(np.abs(backdrop - 90).max()) < 0.1, sigma < 2.1
+(True, True)
+"""
+
+import cv2
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack.camera import Window
+
+Pixels = NDArray[np.uint8]
+Float = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+LONG_SIDE_PX = 640
+#: A pixel is known after this many frames, and its mean then follows at the inverse of MEMORY.
+KNOWN_FRAMES = 4.0
+MEMORY_FRAMES = 60.0
+#: Share of the known picture that must change at once for the camera to have moved.
+MOVED_SHARE = 0.4
+
+
+def shrink(rgb: Pixels, long_side_px: int) -> Pixels:
+    """``rgb`` with at most ``long_side_px`` on its long side, averaged over areas."""
+    h, w = rgb.shape[:2]
+    if max(h, w) > 3 * long_side_px:  # most of a very large frame need not be read
+        step = max(h, w) // (2 * long_side_px)
+        rgb = rgb[::step, ::step]
+    factor = long_side_px / max(h, w)
+    if factor >= 1:
+        return rgb
+    size = (max(1, round(w * factor)), max(1, round(h * factor)))
+    return np.asarray(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+class Background:
+    """Running mean and variance of the picture behind the hand.
+
+    Attributes
+    ----------
+    mean : (h, w, 3) float32
+        RGB.
+    variance : (h, w) float32
+        Of one channel, noise and flicker together.
+    age : (h, w) float32
+        Frames seen, at most ``MEMORY_FRAMES``; below ``KNOWN_FRAMES`` the pixel is not known.
+    """
+
+    def __init__(self) -> None:
+        self.mean: Float = np.zeros((0, 0, 3), np.float32)
+        self.variance: Float = np.zeros((0, 0), np.float32)
+        self.age: Float = np.zeros((0, 0), np.float32)
+        self.frame_width_px = 0
+
+    @property
+    def known(self) -> Mask:
+        """Where the background is known, ``(h, w)``."""
+        return self.age >= KNOWN_FRAMES
+
+    @property
+    def scale(self) -> float:
+        """Background pixels per frame pixel."""
+        return self.mean.shape[1] / max(self.frame_width_px, 1)
+
+    def watch(self, frame_rgb: Pixels, hand: Mask | None = None) -> None:
+        """Take in a frame, but not where the ``hand`` ``(H, W)`` is (nowhere if None)."""
+        small = shrink(frame_rgb, LONG_SIDE_PX)
+        h, w = small.shape[:2]
+        if self.mean.shape[:2] != (h, w) or self.frame_width_px != frame_rgb.shape[1]:
+            self.mean = small.astype(np.float32)
+            self.variance = np.full((h, w), 64.0, np.float32)
+            self.age = np.zeros((h, w), np.float32)
+            self.frame_width_px = frame_rgb.shape[1]
+        covered = np.zeros((h, w), np.uint8) if hand is None else self._resized(hand)
+        self._follow_exposure(small, covered)
+        if self._camera_moved(small, covered):
+            self.age[:] = 0
+        update_kernel(small, covered, self.mean, self.variance, self.age, MEMORY_FRAMES)
+
+    def forget(self, hand: Mask) -> None:
+        """The ``hand`` ``(H, W)`` was standing here: what was learned there is not background."""
+        if self.mean.size:
+            self.age[self._resized(hand) > 0] = 0
+
+    def through(self, window: Window) -> tuple[Float, Float]:
+        """Mean ``(h, w, 3)`` and standard deviation ``(h, w)``, infinite where not known."""
+        s = self.scale
+        A = np.array(
+            [
+                [s / window.scale, 0, (window.x_px + 0.5) * s - 0.5],
+                [0, s / window.scale, (window.y_px + 0.5) * s - 0.5],
+            ]
+        )
+        size = (window.width_px, window.height_px)
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        mean = cv2.warpAffine(self.mean, A, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
+        sigma = np.where(self.known, np.sqrt(self.variance) + 2.0, np.float32(1e6))
+        sigma = cv2.warpAffine(sigma.astype(np.float32), A, size, flags=flags, borderValue=1e6)
+        sigma = np.where(np.asarray(sigma) > 1e3, np.inf, sigma)
+        return np.asarray(mean, np.float32), np.asarray(sigma, np.float32)
+
+    def difference(self, frame_rgb: Pixels) -> Float | None:
+        """Distance to the background in standard deviations, at its size; None if unknown."""
+        if not self.mean.size or self.known.mean() < 0.5:
+            return None
+        small = cv2.resize(shrink(frame_rgb, LONG_SIDE_PX), self.mean.shape[1::-1])
+        d = np.linalg.norm(small - self.mean, axis=-1) / (np.sqrt(self.variance) + 4.0)
+        return np.where(self.known, d, 0).astype(np.float32)
+
+    def mirrored(self) -> "Background":
+        """The background of the frame flipped left to right."""
+        other = Background()
+        other.mean = self.mean[:, ::-1].copy()
+        other.variance = self.variance[:, ::-1].copy()
+        other.age = self.age[:, ::-1].copy()
+        other.frame_width_px = self.frame_width_px
+        return other
+
+    def _resized(self, mask: Mask) -> NDArray[np.uint8]:
+        size = self.mean.shape[1::-1]
+        small = cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_AREA)
+        grown = cv2.dilate(small, np.ones((9, 9), np.uint8))
+        return np.asarray(grown, np.uint8)
+
+    def _follow_exposure(self, small: Pixels, covered: NDArray[np.uint8]) -> None:
+        use = self.known[::8, ::8] & (covered[::8, ::8] == 0)
+        if use.sum() < 50:
+            return
+        now = small[::8, ::8][use].sum(axis=-1).astype(np.float32)
+        before = self.mean[::8, ::8][use].sum(axis=-1)
+        gain = float(np.median((now + 8) / (before + 8)))
+        if 0.7 < gain < 1.4:
+            self.mean *= np.float32(gain)
+
+    def _camera_moved(self, small: Pixels, covered: NDArray[np.uint8]) -> bool:
+        use = self.known[::4, ::4] & (covered[::4, ::4] == 0)
+        if use.sum() < 50:
+            return False
+        d = np.abs(small[::4, ::4][use] - self.mean[::4, ::4][use]).max(axis=-1)
+        return bool(np.mean(d > 12 + 3 * np.sqrt(self.variance[::4, ::4][use])) > MOVED_SHARE)
+
+
+@numba.njit(cache=True, fastmath=True)
+def update_kernel(rgb, covered, mean, variance, age, memory):  # type: ignore[no-untyped-def]
+    """One step of the running mean and variance where nothing covers the pixel."""
+    for i in range(mean.shape[0]):
+        for j in range(mean.shape[1]):
+            if covered[i, j]:
+                continue
+            n = age[i, j]
+            rate = np.float32(1.0) / (n + np.float32(1.0))
+            square = np.float32(0.0)
+            for c in range(3):
+                d = rgb[i, j, c] - mean[i, j, c]
+                square += d * d
+                mean[i, j, c] += rate * d
+            if n > 0:
+                change = min(square / np.float32(3.0), np.float32(900.0))
+                variance[i, j] += max(rate, np.float32(0.05)) * (change - variance[i, j])
+            age[i, j] = min(n + 1, memory)
+
+
+def smooth_backdrop(rgb: Pixels, border_share: float = 0.06) -> tuple[Float, float]:
+    """Quadratic fitted to the border of ``rgb``, and the scatter of the border about it.
+
+    Parameters
+    ----------
+    rgb : (h, w, 3)
+        A small picture; its four borders, ``border_share`` of the short side wide, are used.
+
+    Returns
+    -------
+    backdrop : (h, w, 3) float32
+        What each pixel would look like without anything in front.
+    sigma : float
+        Robust standard deviation of the better 70 % of the border, at least 2 levels.
+    """
+    h, w = rgb.shape[:2]
+    band = max(2, round(border_share * min(h, w)))
+    y, x = np.mgrid[-1 : 1 : h * 1j, -1 : 1 : w * 1j].astype(np.float32)
+    terms = np.stack([np.ones_like(x), x, y, x * y, x * x, y * y], axis=-1)  # (h, w, 6)
+    border = np.ones((h, w), bool)
+    border[band : h - band, band : w - band] = False
+    T, colour = terms[border], rgb[border].astype(np.float32)
+    weight = np.ones(len(T), np.float32)
+    for _ in range(8):
+        TW = T * weight[:, None]
+        coefficients = np.linalg.solve(TW.T @ T + 1e-3 * np.eye(6, dtype=np.float32), TW.T @ colour)
+        r = np.linalg.norm(colour - T @ coefficients, axis=-1)
+        scale = max(1.5 * float(np.median(r)), 3.0)
+        weight = 1 / (1 + (r / scale) ** 4)
+    sigma = max(2.0, float(np.quantile(r, 0.7)))
+    return (terms @ coefficients).astype(np.float32), sigma

@@ -1,0 +1,182 @@
+"""What colours the hand has, and what colours everything else has: two smoothed 3-D histograms.
+
+A colour ``x`` is luma and two chroma (YCrCb; chroma spread by two, since nothing ordinary is more
+saturated). ``f(x)`` and ``b(x)`` are densities of hand and background on a grid of 32^3 bins, both
+with a floor for colours never seen, which lean to background::
+
+    log f(x) - log b(x)        (interpolated between bins, so the outline stays smooth)
+
+A surface in the shade keeps its chroma *ratio*: every sample is also counted, with less weight, as
+it would look dimmed, so that a shadow on the wall is wall and a shaded palm is hand.
+
+The model follows the clip slowly: what is looked up is a mixture of the histograms it started with
+(the *anchor*, half of it for ever) and a running mean, so a tracker that is wrong for a second
+cannot talk it into something else.
+
+>>> hand = np.full((40, 3), (200, 140, 120), np.uint8)
+>>> wall = np.full((40, 3), (120, 125, 130), np.uint8)
+>>> model = ColourModel.from_samples(hand, wall)
+>>> bool(model.log_odds(hand[:1])[0] > 3), bool(model.log_odds(wall[:1] // 2)[0] < -1)
+(True, True)
+"""
+
+import cv2
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+Pixels = NDArray[np.uint8]
+Float = NDArray[np.float32]
+
+N_BINS = 32
+#: The anchor's share of the model for ever.
+ANCHOR = 0.5
+#: Probability mass spread over colours never seen: of hand, of background.
+UNSEEN = (0.01, 0.04)
+#: How a surface is also counted dimmed: factors and the weight of each.
+SHADES = np.array([[1.0, 1.0], [0.85, 0.12], [0.7, 0.08], [0.55, 0.05]])
+_VOLUME = 0.1  # share of the grid's bins that pictures use
+
+
+class ColourModel:
+    """Densities of the colours of hand and background; :meth:`learn` moves them slowly.
+
+    Attributes
+    ----------
+    table : (32, 32, 32, 2) float32
+        Densities per bin of hand and background.
+    """
+
+    def __init__(self, hand: Float, background: Float) -> None:
+        self._anchor = np.stack([hand, background], axis=-1)
+        self._running = self._anchor.copy()
+        self.table: Float = np.empty_like(self._anchor)
+        self._rebuild()
+
+    @classmethod
+    def from_samples(
+        cls,
+        hand: Pixels,
+        background: Pixels,
+        hand_weight: Float | None = None,
+        background_weight: Float | None = None,
+    ) -> "ColourModel":
+        """A model of RGB samples ``(n, 3)``, weighted ``(n,)`` if wanted."""
+        return cls(histogram(hand, hand_weight), histogram(background, background_weight))
+
+    def learn(self, hand: Pixels, background: Pixels, rate: float) -> None:
+        """Move the running histograms by ``rate`` (0 to 1) towards RGB samples ``(n, 3)``."""
+        for k, samples in enumerate((hand, background)):
+            if len(samples) >= 30:
+                self._running[..., k] += rate * (histogram(samples) - self._running[..., k])
+        self._rebuild()
+
+    def log_odds(self, rgb: Pixels) -> Float:
+        """``log f - log b`` of RGB pixels ``(..., 3)``, as float32 ``(...)``."""
+        ycc = to_ycc(rgb).reshape(-1, 3)
+        out = np.empty(len(ycc), np.float32)
+        log_odds_kernel(ycc, self.table, out)
+        return out.reshape(rgb.shape[:-1])
+
+    def _rebuild(self) -> None:
+        mixed = ANCHOR * self._anchor + (1 - ANCHOR) * self._running
+        floor = np.array(UNSEEN, np.float32) / (_VOLUME * N_BINS**3)
+        self.table = (mixed * (1 - np.array(UNSEEN, np.float32)) + floor).astype(np.float32)
+
+
+def to_ycc(rgb: Pixels) -> Pixels:
+    """YCrCb ``(..., 3)`` of RGB ``(..., 3)``, both uint8."""
+    flat = np.ascontiguousarray(rgb).reshape(1, -1, 3)
+    return np.asarray(cv2.cvtColor(flat, cv2.COLOR_RGB2YCrCb), np.uint8).reshape(rgb.shape)
+
+
+def histogram(rgb: Pixels, weight: Float | None = None) -> Float:
+    """Smoothed histogram ``(32, 32, 32)`` of RGB samples ``(n, 3)``, summing to one."""
+    counts = np.zeros((N_BINS, N_BINS, N_BINS), np.float32)
+    if len(rgb) == 0:
+        return np.full_like(counts, 1 / counts.size)
+    w = np.ones(len(rgb), np.float32) if weight is None else weight.astype(np.float32)
+    splat_kernel(to_ycc(rgb), w, SHADES, counts)
+    smooth_kernel(counts)
+    return counts / max(float(counts.sum()), 1e-12)
+
+
+@numba.njit(cache=True, fastmath=True)
+def bin_position(y, cr, cb):  # type: ignore[no-untyped-def]
+    """Continuous bin coordinates of a YCrCb colour."""
+    top = N_BINS - 1.001
+    i = min(max(y * (N_BINS - 1) / 255.0, 0.0), top)
+    j = min(max((cr - 128.0) * 2 * (N_BINS - 1) / 255.0 + (N_BINS - 1) / 2, 0.0), top)
+    k = min(max((cb - 128.0) * 2 * (N_BINS - 1) / 255.0 + (N_BINS - 1) / 2, 0.0), top)
+    return i, j, k
+
+
+@numba.njit(cache=True, fastmath=True)
+def splat_kernel(ycc, weight, shades, counts):  # type: ignore[no-untyped-def]
+    """Add each sample, and its dimmed copies, to the eight bins about it."""
+    for n in range(ycc.shape[0]):
+        for m in range(shades.shape[0]):
+            a = shades[m, 0]
+            i, j, k = bin_position(
+                ycc[n, 0] * a, 128 + (ycc[n, 1] - 128.0) * a, 128 + (ycc[n, 2] - 128.0) * a
+            )
+            i0, j0, k0 = int(i), int(j), int(k)
+            w = weight[n] * shades[m, 1]
+            for di in range(2):
+                wi = w * (i - i0 if di else 1 - (i - i0))
+                for dj in range(2):
+                    wj = wi * (j - j0 if dj else 1 - (j - j0))
+                    for dk in range(2):
+                        wk = wj * (k - k0 if dk else 1 - (k - k0))
+                        counts[i0 + di, j0 + dj, k0 + dk] += wk
+
+
+@numba.njit(cache=True, fastmath=True)
+def smooth_kernel(counts):  # type: ignore[no-untyped-def]
+    """Smooth in place by (1 2 1)/4 along each axis, luma once more than chroma."""
+    n = counts.shape[0]
+    for axis in (0, 0, 1, 2):
+        for a in range(n):
+            for b in range(n):
+                previous = np.float32(0.0)
+                for c in range(n):
+                    if axis == 0:
+                        here = counts[c, a, b]
+                        after = counts[c + 1, a, b] if c + 1 < n else np.float32(0.0)
+                        counts[c, a, b] = 0.25 * previous + 0.5 * here + 0.25 * after
+                    elif axis == 1:
+                        here = counts[a, c, b]
+                        after = counts[a, c + 1, b] if c + 1 < n else np.float32(0.0)
+                        counts[a, c, b] = 0.25 * previous + 0.5 * here + 0.25 * after
+                    else:
+                        here = counts[a, b, c]
+                        after = counts[a, b, c + 1] if c + 1 < n else np.float32(0.0)
+                        counts[a, b, c] = 0.25 * previous + 0.5 * here + 0.25 * after
+                    previous = here
+
+
+@numba.njit(cache=True, fastmath=True)
+def densities(table, y, cr, cb):  # type: ignore[no-untyped-def]
+    """Interpolated densities of hand and background at a YCrCb colour."""
+    i, j, k = bin_position(y, cr, cb)
+    i0, j0, k0 = int(i), int(j), int(k)
+    u, v, w = i - i0, j - j0, k - k0
+    f = 0.0
+    b = 0.0
+    for di in range(2):
+        wi = u if di else 1 - u
+        for dj in range(2):
+            wj = wi * (v if dj else 1 - v)
+            for dk in range(2):
+                wk = wj * (w if dk else 1 - w)
+                f += wk * table[i0 + di, j0 + dj, k0 + dk, 0]
+                b += wk * table[i0 + di, j0 + dj, k0 + dk, 1]
+    return f, b
+
+
+@numba.njit(cache=True, fastmath=True)
+def log_odds_kernel(ycc, table, out):  # type: ignore[no-untyped-def]
+    """Fill ``out`` ``(n,)`` for ``ycc`` ``(n, 3)``."""
+    for n in range(ycc.shape[0]):
+        f, b = densities(table, ycc[n, 0] * 1.0, ycc[n, 1] * 1.0, ycc[n, 2] * 1.0)
+        out[n] = np.log(f / b)

@@ -1,0 +1,215 @@
+"""The outline of a silhouette, between pixels, at the picture's own edge.
+
+A smoothed log-odds map ``L`` gives the mask ``L > 0``; its boundary pixels, chained, give a normal
+``n`` at each. Colours mix across an outline, so where ``L`` crosses zero depends on how sure the
+two sides are; where the *picture* changes fastest does not. Each point therefore goes, along its
+normal, to the zero of ``L`` and from there to the nearest maximum of the gradient within
+``SNAP_PX``, if there is one; the offsets are then smoothed along the chain by a median.
+
+>>> mask = np.zeros((60, 60), np.float32)
+>>> yy, xx = np.mgrid[:60, :60]
+>>> L = np.clip(20 - np.hypot(xx - 30, yy - 30), -3, 3).astype(np.float32)
+>>> outline = trace(L > 0, L, np.zeros_like(L))
+>>> r = np.hypot(*(outline.points - 30).T)
+>>> bool(np.abs(r - 20).max() < 0.3)
+True
+>>> bool((np.einsum("ij,ij->i", outline.points - 30, outline.normals) > 0.9 * 20).all())
+True
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+#: Farthest from the zero of the log odds that a gradient maximum may be.
+SNAP_PX = 1.5
+#: Outlines of parts and holes shorter than this are specks.
+MIN_LENGTH_PX = 16
+MAX_HOLE_PX = 12
+_NORMAL_ARM = 3  # pixels of chain to either side that define a normal
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """Points ``(m, 2)`` of an outline, unit normals ``(m, 2)`` pointing out of the silhouette,
+    ``snapped`` ``(m,)``: the picture has an edge there, and ``chain`` ``(m,)``: which loop."""
+
+    points: Float
+    normals: Float
+    snapped: Mask
+    chain: NDArray[np.int32]
+
+
+def clean(positive: Mask, seed: Mask | None, min_share: float = 0.02) -> Mask:
+    """The hand among the components of a mask ``(h, w)``: specks dropped, pinholes filled.
+
+    With a ``seed``, the component that overlaps it most, and every other that is mostly inside
+    it (a finger cut off by a ring). Without, the largest. Two strokes that touch by a corner stay
+    apart (4-connected).
+    """
+    n, labels, stats, _ = cv2.connectedComponentsWithStats(
+        positive.astype(np.uint8), connectivity=4
+    )
+    area = stats[:, cv2.CC_STAT_AREA].astype(float)
+    area[0] = 0
+    if n == 1:
+        return np.zeros_like(positive)
+    overlap = area if seed is None else np.bincount(labels[seed], minlength=n).astype(float)
+    overlap[0] = 0
+    if overlap.max() == 0:
+        return np.zeros_like(positive)
+    keep = np.zeros(n, bool)
+    keep[np.argmax(overlap)] = True
+    if seed is not None:
+        keep |= (overlap > 0.6 * np.maximum(area, 1)) & (area > min_share * overlap.max())
+    mask = keep[labels]
+    _, labels, stats, _ = cv2.connectedComponentsWithStats((~mask).astype(np.uint8), connectivity=8)
+    pinhole = stats[:, cv2.CC_STAT_AREA] <= MAX_HOLE_PX
+    pinhole[0] = False
+    return np.asarray(mask | pinhole[labels], bool)
+
+
+def trace(mask: Mask, log_odds: Float, gradient: Float) -> Outline:
+    """The outline of ``mask`` ``(h, w)``, refined by the maps ``(h, w)`` as the module says."""
+    chains, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    parts = []
+    for k, chain in enumerate(chains):
+        if len(chain) >= MIN_LENGTH_PX:
+            xy = chain[:, 0].astype(np.float32)
+            parts.append((*refine_kernel(xy, log_odds, gradient, SNAP_PX), np.full(len(xy), k)))
+    if not parts:
+        none = np.zeros((0, 2), np.float32)
+        return Outline(none, none, np.zeros(0, bool), np.zeros(0, np.int32))
+    points, normals, snapped, index = (np.concatenate(p) for p in zip(*parts, strict=True))
+    return Outline(points, normals, snapped, index.astype(np.int32))
+
+
+def signed_distance(mask: Mask, outline: Outline) -> Float:
+    """Signed distance ``(h, w)`` in px to an outline, negative inside ``mask`` ``(h, w)``.
+
+    Exact distance to the nearest outline point among those near the nearest outline pixel, so
+    that it is zero between pixels where the outline is; far away it is that of the pixels.
+    """
+    far = float(sum(mask.shape))
+    if len(outline.points) == 0:
+        return np.full(mask.shape, -far if mask.all() else far, np.float32)
+    canvas = np.ones(mask.shape, np.uint8)
+    pixel = np.clip(np.rint(outline.points), 0, np.array(mask.shape[::-1]) - 1).astype(int)
+    canvas[pixel[:, 1], pixel[:, 0]] = 0
+    _, labels = cv2.distanceTransformWithLabels(
+        canvas, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    owner = np.zeros(int(labels.max()) + 1, np.int32)
+    owner[labels[pixel[:, 1], pixel[:, 0]]] = np.arange(len(pixel))
+    out = np.empty(mask.shape, np.float32)
+    distance_kernel(mask, labels, owner, outline.points, outline.normals, out)
+    return out
+
+
+@numba.njit(cache=True, fastmath=True)
+def sample(image, x, y):  # type: ignore[no-untyped-def]
+    """Bilinear value of ``image`` ``(h, w)``, held constant beyond its border."""
+    h, w = image.shape
+    x = min(max(x, 0.0), w - 1.001)
+    y = min(max(y, 0.0), h - 1.001)
+    j, i = int(x), int(y)
+    u, v = x - j, y - i
+    top = (1 - u) * image[i, j] + u * image[i, j + 1]
+    bottom = (1 - u) * image[i + 1, j] + u * image[i + 1, j + 1]
+    return (1 - v) * top + v * bottom
+
+
+@numba.njit(cache=True, fastmath=True)
+def refine_kernel(chain, log_odds, gradient, snap_px):  # type: ignore[no-untyped-def]
+    """Points, outward normals and whether snapped, of a closed chain ``(m, 2)`` of pixels."""
+    m = len(chain)
+    normals = np.empty((m, 2), np.float32)
+    offset = np.empty(m, np.float32)
+    snapped = np.zeros(m, np.bool_)
+    for k in range(m):
+        tx, ty = 0.0, 0.0
+        for a in range(1, _NORMAL_ARM + 1):
+            ahead, behind = (k + a) % m, (k - a) % m
+            tx += chain[ahead, 0] - chain[behind, 0]
+            ty += chain[ahead, 1] - chain[behind, 1]
+        length = np.sqrt(tx * tx + ty * ty)
+        if length < 1e-6:  # the very end of a stroke one pixel wide
+            tx, ty, length = -(chain[k, 1] - chain[(k - 3) % m, 1]), 0.0, 1.0
+            tx, ty = 1.0, 0.0
+        nx, ny = -ty / length, tx / length
+        # outwards is where the log odds fall
+        inward = sample(log_odds, chain[k, 0] - nx, chain[k, 1] - ny)
+        outward = sample(log_odds, chain[k, 0] + nx, chain[k, 1] + ny)
+        if outward > inward:
+            nx, ny = -nx, -ny
+        normals[k, 0], normals[k, 1] = nx, ny
+        offset[k], snapped[k] = settle(chain[k], nx, ny, log_odds, gradient, snap_px)
+    points = np.empty((m, 2), np.float32)
+    window = np.empty(5, np.float32)
+    for k in range(m):
+        for a in range(5):
+            window[a] = offset[(k + a - 2) % m]
+        middle = np.sort(window)[2]
+        t = min(max(offset[k], middle - 0.35), middle + 0.35)
+        points[k, 0] = chain[k, 0] + t * normals[k, 0]
+        points[k, 1] = chain[k, 1] + t * normals[k, 1]
+    return points, normals, snapped
+
+
+@numba.njit(cache=True, fastmath=True)
+def settle(pixel, nx, ny, log_odds, gradient, snap_px):  # type: ignore[no-untyped-def]
+    """Offset along the normal to the zero of the log odds, then to the gradient's maximum."""
+    x, y = pixel[0], pixel[1]
+    before = sample(log_odds, x, y)
+    zero = 0.5
+    for step in range(1, 7):
+        t = 0.25 * step
+        after = sample(log_odds, x + t * nx, y + t * ny)
+        if after <= 0:
+            zero = t - 0.25 * after / min(after - before, -1e-6)
+            break
+        before = after
+    best, best_g = -1, 0.0
+    n = round(2 * snap_px / 0.5) + 1
+    for s in range(n):
+        t = zero - snap_px + 0.5 * s
+        g = sample(gradient, x + t * nx, y + t * ny) * (1 - 0.2 * abs(t - zero) / snap_px)
+        if g > best_g:
+            best, best_g = s, g
+    if best <= 0 or best >= n - 1 or best_g < 1e-3:
+        return zero, False
+    t = zero - snap_px + 0.5 * best
+    a = sample(gradient, x + (t - 0.5) * nx, y + (t - 0.5) * ny)
+    b = sample(gradient, x + t * nx, y + t * ny)
+    c = sample(gradient, x + (t + 0.5) * nx, y + (t + 0.5) * ny)
+    curve = a - 2 * b + c
+    shift = 0.25 * (a - c) / curve if curve < -1e-6 else 0.0
+    return t + min(max(shift, -0.5), 0.5), True
+
+
+@numba.njit(cache=True, fastmath=True)
+def distance_kernel(mask, labels, owner, points, normals, out):  # type: ignore[no-untyped-def]
+    """Distance to the owner of each pixel's label or a neighbour on its chain, with a sign."""
+    h, w = mask.shape
+    m = len(points)
+    for i in range(h):
+        for j in range(w):
+            k0 = owner[labels[i, j]]
+            best, nearest = 1e12, k0
+            for a in range(-2, 3):
+                k = (k0 + a) % m
+                d = (points[k, 0] - j) ** 2 + (points[k, 1] - i) ** 2
+                if d < best:
+                    best, nearest = d, k
+            along = (j - points[nearest, 0]) * normals[nearest, 0]
+            along += (i - points[nearest, 1]) * normals[nearest, 1]
+            if best < 2.25:  # so near, the side of the outline decides, not the pixel
+                out[i, j] = along
+            else:
+                out[i, j] = -np.sqrt(best) if mask[i, j] else np.sqrt(best)

@@ -1,0 +1,221 @@
+"""The silhouette as a probability: is this pixel hand (or bare forearm)?
+
+Two cues meet in one ratio of densities over colour ``x`` at pixel ``p``::
+
+    P(hand | x, p) = f(x) / (f(x) + b(x, p))
+    b(x, p) = (1 - w) b(x) + w [ N(x; mu_p, sigma_p^2) + shadow(x; mu_p) ]
+
+``f`` and ``b`` are what :class:`~handtrack.evidence.colour.ColourModel` learned from this clip;
+``mu_p`` is what :class:`~handtrack.evidence.background.Background` saw here without the hand
+(``w = 0`` where it saw nothing, or the camera moves); ``shadow`` is that colour dimmed along its
+own ray towards black. Skin-like wood is then background where it is known to stand, and a
+shadow on the wall stays wall.
+
+A :class:`Segmenter` belongs to one clip and learns: :meth:`Segmenter.learn` the colours, from
+masks of which the tracker is sure, and :meth:`Segmenter.watch` the background. Both are slow.
+
+>>> picture = np.full((120, 160, 3), 60, np.uint8)
+>>> picture[30:90, 50:110] = (210, 150, 130)
+>>> best = Segmenter.bootstrap(picture)[0]
+>>> segmenter = Segmenter.from_mask(picture, best.mask)
+>>> P = segmenter.probability(picture)
+>>> bool(P[60, 80] > 0.95), bool(P[10, 10] < 0.05)
+(True, True)
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack.camera import Window
+from handtrack.evidence.background import Background, shrink
+from handtrack.evidence.candidates import Candidate, find_candidates
+from handtrack.evidence.colour import ColourModel, densities, log_odds_kernel
+
+Pixels = NDArray[np.uint8]
+Float = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+#: Share ``w`` of the local background where it is known.
+LOCAL_SHARE = 0.85
+#: Share of that for shadows on it.
+SHADOW_SHARE = 0.05
+#: Log odds are clipped here before they are smoothed.
+MAX_LOG_ODDS = 6.0
+_BIN_VOLUME_RGB = 589.0  # RGB volume of one bin of the colour model
+_START_SIDE_PX = 320
+
+
+@dataclass(frozen=True)
+class SegmenterSettings:
+    """How fast the segmenter follows the clip."""
+
+    colour_rate: float = 0.03
+    """Share of each learned frame in the running colours."""
+    watch_every: int = 3
+    """The background takes in one frame of so many."""
+
+
+class Segmenter:
+    """What hand and background look like in this clip.
+
+    Parameters
+    ----------
+    colours : ColourModel
+        Learned from a first silhouette, see :meth:`from_mask`.
+    background : Background or None
+        What was seen before the hand came; a fresh one if None.
+    """
+
+    def __init__(
+        self,
+        colours: ColourModel,
+        background: Background | None = None,
+        settings: SegmenterSettings | None = None,
+    ) -> None:
+        self.colours = colours
+        self.background = Background() if background is None else background
+        self.settings = SegmenterSettings() if settings is None else settings
+        self._watched = 0
+
+    @staticmethod
+    def bootstrap(frame_rgb: Pixels, background: Background | None = None) -> list[Candidate]:
+        """Candidate silhouettes of a whole frame, the most plausible first (may be empty)."""
+        return find_candidates(frame_rgb, background)
+
+    @classmethod
+    def from_mask(
+        cls, frame_rgb: Pixels, mask: Mask, background: Background | None = None
+    ) -> "Segmenter":
+        """Learn from a whole frame ``(H, W, 3)`` and a first silhouette in it ``(H, W)``.
+
+        Only the sure parts teach: a rim about the outline is left out, then the silhouette is
+        relabelled by what was learned, once, so that a rough mask does.
+        """
+        small = shrink(frame_rgb, _START_SIDE_PX)
+        size = small.shape[1::-1]
+        inside = cv2.resize(mask.astype(np.float32), size, interpolation=cv2.INTER_AREA) > 0.5
+        colours = _learn_colours(small, inside)
+        near = cv2.dilate(inside.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
+        relabelled = (
+            colours.log_odds(np.asarray(cv2.GaussianBlur(small, (3, 3), 0), np.uint8)) > 0
+        ) & near
+        if relabelled.sum() > 0.5 * inside.sum():
+            colours = _learn_colours(small, relabelled)
+        segmenter = cls(colours, background)
+        segmenter.background.forget(mask)
+        return segmenter
+
+    def probability(self, rgb: Pixels, window: Window | None = None) -> Float:
+        """P(hand or bare forearm) ``(h, w)`` of a crop ``(h, w, 3)``.
+
+        ``window`` says where in the frame the crop lies; without it, colour alone decides.
+        """
+        return np.asarray(1 / (1 + np.exp(-self.log_odds(rgb, window))), np.float32)
+
+    def log_odds(self, rgb: Pixels, window: Window | None = None) -> Float:
+        """Log odds of hand against background ``(h, w)``, within ``MAX_LOG_ODDS``."""
+        ycc = cv2.cvtColor(cv2.GaussianBlur(rgb, (3, 3), 0.6), cv2.COLOR_RGB2YCrCb)
+        out = np.empty(rgb.shape[:2], np.float32)
+        if window is None or not self.background.known.any():
+            log_odds_kernel(ycc.reshape(-1, 3), self.colours.table, out.reshape(-1))
+        else:
+            mean, sigma = self.background.through(window)
+            local_log_odds_kernel(rgb, ycc, self.colours.table, mean, sigma, out)
+        return np.asarray(np.clip(out, -MAX_LOG_ODDS, MAX_LOG_ODDS), np.float32)
+
+    def learn(self, rgb: Pixels, inside: Mask, outside: Mask) -> None:
+        """Follow the colours of a crop, slowly.
+
+        Parameters
+        ----------
+        rgb : (h, w, 3)
+            The crop.
+        inside, outside : (h, w)
+            Pixels that are surely hand, surely background; leave a rim between them. Call it only
+            when the fit is trusted.
+        """
+        few = (slice(None, None, 2), slice(None, None, 2))
+        picture = rgb[few]
+        self.colours.learn(picture[inside[few]], picture[outside[few]], self.settings.colour_rate)
+
+    def watch(self, frame_rgb: Pixels, hand: Mask, window: Window) -> None:
+        """Follow the background of a whole frame where the hand is not.
+
+        Parameters
+        ----------
+        frame_rgb : (H, W, 3)
+            The whole frame.
+        hand : (h, w)
+            The hand in the ``window``. What is joined to it by its colour (the forearm outside
+            the window) is left out too.
+        """
+        self._watched += 1
+        if self._watched % self.settings.watch_every == 1 or self.settings.watch_every == 1:
+            self.background.watch(frame_rgb, self._covered(frame_rgb, hand, window))
+
+    def mirrored(self) -> "Segmenter":
+        """The segmenter of the clip flipped left to right."""
+        return Segmenter(self.colours, self.background.mirrored(), self.settings)
+
+    def _covered(self, frame_rgb: Pixels, hand: Mask, window: Window) -> Mask:
+        """The hand and what is joined to it by colour, at a small size ``(h, w)``."""
+        small = shrink(frame_rgb, 160)
+        scale = small.shape[1] / frame_rgb.shape[1]
+        A = np.array(
+            [
+                [window.scale / scale, 0, (0.5 / scale - 0.5 - window.x_px) * window.scale],
+                [0, window.scale / scale, (0.5 / scale - 0.5 - window.y_px) * window.scale],
+            ]
+        )
+        flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
+        seed = cv2.warpAffine(hand.astype(np.uint8), A, small.shape[1::-1], flags=flags) > 0
+        alike = (self.colours.log_odds(small) > 0) | seed
+        _, labels = cv2.connectedComponents(alike.astype(np.uint8))
+        joined = np.unique(labels[seed])
+        return np.isin(labels, joined[joined > 0])
+
+
+def _learn_colours(small: Pixels, inside: Mask) -> ColourModel:
+    """Colours of the sure inside and outside of a mask; near background counts double."""
+    kernel = np.ones((3, 3), np.uint8)
+    mask = inside.astype(np.uint8)
+    sure = cv2.erode(mask, kernel, borderValue=1) > 0
+    if sure.sum() < 0.3 * inside.sum():
+        sure = inside
+    outside = cv2.dilate(mask, kernel) == 0
+    near = cv2.dilate(mask, np.ones((31, 31), np.uint8)) > 0
+    weight = np.where(near, 2.0, 1.0).astype(np.float32)
+    return ColourModel.from_samples(small[sure], small[outside], background_weight=weight[outside])
+
+
+@numba.njit(cache=True, fastmath=True)
+def local_log_odds_kernel(rgb, ycc, table, mean, sigma, out):  # type: ignore[no-untyped-def]
+    """Log odds ``(h, w)`` where the background is ``mean`` ``(h, w, 3)``, ``sigma`` ``(h, w)``."""
+    h, w = out.shape
+    for i in range(h):
+        for j in range(w):
+            f, b = densities(table, ycc[i, j, 0] * 1.0, ycc[i, j, 1] * 1.0, ycc[i, j, 2] * 1.0)
+            if sigma[i, j] < 1e3:
+                right, below = min(j + 1, w - 1), min(i + 1, h - 1)
+                d2, x_mu, mu_mu, x_x, slope = 0.0, 0.0, 1e-6, 0.0, 0.0
+                for c in range(3):
+                    x, mu = rgb[i, j, c] * 1.0, mean[i, j, c] * 1.0
+                    d2 += (x - mu) ** 2
+                    x_mu += x * mu
+                    mu_mu += mu * mu
+                    x_x += x * x
+                    gx, gy = mean[i, right, c] - mu, mean[below, j, c] - mu
+                    slope += gx * gx + gy * gy
+                s2 = sigma[i, j] ** 2 + 0.1 * slope
+                peak = min(1.0, _BIN_VOLUME_RGB / (15.75 * s2 * np.sqrt(s2)))
+                local = peak * np.exp(-0.5 * d2 / s2)
+                a = min(max(x_mu / mu_mu, 0.5), 1.0)
+                off = max(x_x - 2 * a * x_mu + a * a * mu_mu, 0.0)
+                ridge = min(1.0, _BIN_VOLUME_RGB / (6.28 * s2 * 0.5 * np.sqrt(mu_mu)))
+                shadow = SHADOW_SHARE * ridge * np.exp(-0.5 * off / s2)
+                b = (1 - LOCAL_SHARE) * b + LOCAL_SHARE * (local + shadow)
+            out[i, j] = np.log(f / b)
