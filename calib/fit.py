@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.landmarks import Landmarks
-from calib.parameters import Hands, unpack
+from calib.parameters import Hands, thumb_grid, unpack
 from handtrack import rotation
 from handtrack.camera import Camera
 from handtrack.hand.capsules import capsule_distance
@@ -108,10 +108,19 @@ def residuals(z: Array, target: Target, start: Pose) -> Array:
     origin = _in_camera(np.zeros((n, 1, 1, 3)), hands, start)[:, 0, 0]
     wrist = (target.project(origin) - target.wrist_px) @ target.wrist_weight.T
     return np.concatenate(
-        [_pseudo_huber(outline), _pseudo_huber(tips.reshape(n, -1)), valleys.reshape(n, -1),
-         wrist, z],
+        [*(_pseudo_huber(part.reshape(n, -1)) for part in (outline, tips, valleys)), wrist, z],
         axis=1,
-    )  # fmt: skip
+    )
+
+
+def best_start(target: Target, start: Pose) -> Array:
+    """The unknowns ``(N,)`` to begin from: the default hand with the best of a grid of thumbs.
+
+    A thumb that starts on the wrong side of the outline stays there.
+    """
+    z = thumb_grid()
+    energy = np.sum(residuals(z, target, start) ** 2, axis=1)
+    return np.asarray(z[np.argmin(energy)])
 
 
 def joints_mm(hands: Hands) -> Array:

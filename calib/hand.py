@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from calib.fit import Target, residuals, start_pose
+from calib.fit import Target, best_start, residuals, start_pose
 from calib.landmarks import Landmarks, Mask, Seen, search_landmarks, start_quality
 from calib.outline import palm_from_outline
 from calib.parameters import Hands, N, unpack
@@ -152,7 +152,7 @@ def _fit(
 
     solution = least_squares(
         lambda z: residuals(z[None], target, start)[0],
-        np.zeros(N),
+        best_start(target, start),
         jac=jacobian,
         method="trf",
         max_nfev=40,

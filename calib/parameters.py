@@ -30,6 +30,9 @@ from handtrack.hand.shape import HandShape
 Array = NDArray[np.float64]
 
 _DEG = np.pi / 180
+#: The four angles of a finger and of the thumb in a relaxed open hand.
+OPEN_FINGER = np.array([4.0, 0.0, 4.0, 3.0]) * _DEG
+OPEN_THUMB = np.array([0.0, 5.0, 10.0, 5.0]) * _DEG
 #: Name, shape and sigma of each block of unknowns, in order.
 _BLOCKS: tuple[tuple[str, tuple[int, ...], tuple[float, ...] | float], ...] = (
     ("turn", (3,), (1 * _DEG, 1 * _DEG, 60 * _DEG)),  # camera axes x, y, z
@@ -64,6 +67,16 @@ SIGMA.setflags(write=False)
 N = len(SIGMA)
 
 
+def thumb_grid() -> Array:
+    """Unknowns ``(35, N)`` that differ in the thumb's direction and bend only."""
+    turn, bend = np.meshgrid(np.arange(-30, 61, 15) * _DEG, np.arange(-15, 46, 15) * _DEG)
+    z = np.zeros((turn.size, N))
+    thumb = _WHERE["thumb"][0]
+    z[:, thumb.start + 1] = turn.ravel() / SIGMA[thumb.start + 1]
+    z[:, thumb.start + 2] = bend.ravel() / SIGMA[thumb.start + 2]
+    return z
+
+
 @dataclass(frozen=True, eq=False)
 class Hands:
     """A batch of hands and their poses relative to the start; ``n`` leads every array."""
@@ -83,8 +96,9 @@ def unpack(z: Array, default: HandShape) -> Hands:
     x = z * SIGMA
     part = {name: x[:, at].reshape(len(x), *shape) for name, (at, shape) in _WHERE.items()}
     theta = np.zeros((len(x), 20))
+    theta[:, 4:] = np.tile(OPEN_FINGER, 4)
     theta[:, 5::4] = part["abduction"]
-    theta[:, :4] = part["thumb"]
+    theta[:, :4] = OPEN_THUMB + part["thumb"]
     base = np.broadcast_to(default.base_mm, (len(x), 5, 3)).copy()
     base[..., :2] += part["base_mm"]
     base[:, 2] = default.base_mm[2]
