@@ -4,12 +4,12 @@ The three bones of a digit lie in one plane, which abduction ``a`` turns about t
 flexion turns within it (:mod:`handtrack.hand.kinematics`). So with ``v_b`` the directions of the
 bones in the digit's rest frame, the plane's normal ``n = (cos a, -sin a, 0)`` minimises
 
-    sum_b (n . v_b)^2 + damping sin^2 a
+    sum_b (n . v_b)^2 + damping mean_b(v_bz^2)^4 sin^2 a
 
 which is the smaller eigenvector of a 2 by 2 matrix, and the angle of ``v_b`` in that plane is the
 sum of the flexions up to bone ``b``. What is left, the angle by which bones leave the plane, says
-how well the digit's axes fit the hand that was measured. A finger bent once, by 90 deg at its
-first joint, shows nothing of its abduction; the damping then calls it zero.
+how well the digit's axes fit the hand that was measured. A straight finger that points out of the
+palm shows nothing of its abduction; the damping, which grows with ``v_z``, then calls it zero.
 
 >>> import numpy as np
 >>> from handtrack.hand.kinematics import keypoints_mm
@@ -51,9 +51,8 @@ def angles_of_bones(bones: ArrayLike, rest: ArrayLike, damping: float = 0.0) -> 
     v = np.einsum("dki,...dbk->...dbi", np.asarray(rest, float), u)  # (..., 5, 3, 3)
     x, y, z = v[..., 0], v[..., 1], v[..., 2]
     xx, xy = (x * x).sum(-1), (x * y).sum(-1)
-    yy = (y * y).sum(-1) + damping
+    yy = (y * y).sum(-1) + damping * (z * z).mean(-1) ** 4
     a = 0.5 * np.arctan2(2 * xy, yy - xx)
-    a = np.where((xx == 0) & (xy == 0) & (yy == 0), 0.0, a)
     sin, cos = np.sin(a)[..., None], np.cos(a)[..., None]
     turned = np.arctan2(z, x * sin + y * cos)  # (..., 5, 3)
     first = (turned[..., 0] + np.pi / 2) % (2 * np.pi) - np.pi / 2  # -90 to 270 deg

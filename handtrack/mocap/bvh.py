@@ -365,7 +365,7 @@ def _positive(word: str) -> float | None:
 def _numeric(rows: list[tuple[int, list[str]]], n_channels: int) -> Array:
     flat = [word for _, words in rows for word in words]
     try:
-        values = np.array(flat, dtype=float).reshape(-1, n_channels)
+        values = np.array(flat, dtype=float).reshape(len(rows), n_channels)
     except ValueError as error:
         for number, words in rows:
             for word in words:
