@@ -20,7 +20,9 @@ from handtrack.records import Pose, freeze_arrays
 Array = NDArray[np.float64]
 
 #: How far along the proximal bone the web between two fingers reaches (index-middle, ...).
-WEB_SHARE = np.array([0.50, 0.50, 0.50])
+WEB_SHARE = np.array([0.51, 0.56, 0.54])
+#: The neck of the outline in the palm frame, mm: a little up the forearm.
+NECK_MM = np.array([0.0, -5.0, 0.0])
 #: Spacing of outline samples, and sigmas, in palm radii.
 SPACING_R = 0.09
 SIGMA_OUTLINE_R = 0.02
@@ -102,11 +104,12 @@ def residuals(z: Array, target: Target, start: Pose) -> Array:
     outline = target._distances(hands, joints) / (SIGMA_OUTLINE_R * r)
     tips = (target.project(joints[:, :, 3]) - target.tips_px) / (SIGMA_TIP_R * r)
     web = joints[:, 1:, 0], joints[:, 1:, 1] - joints[:, 1:, 0]
-    near = web[0][:, :-1] + WEB_SHARE[:, None] * web[1][:, :-1]
-    far = web[0][:, 1:] + WEB_SHARE[:, None] * web[1][:, 1:]
+    share = (WEB_SHARE + hands.web_share[:, None])[..., None]
+    near = web[0][:, :-1] + share * web[1][:, :-1]
+    far = web[0][:, 1:] + share * web[1][:, 1:]
     valleys = (target.project((near + far) / 2) - target.valleys_px) / (SIGMA_VALLEY_R * r)
-    origin = _in_camera(np.zeros((n, 1, 1, 3)), hands, start)[:, 0, 0]
-    wrist = (target.project(origin) - target.wrist_px) @ target.wrist_weight.T
+    neck = _in_camera(np.broadcast_to(NECK_MM, (n, 1, 1, 3)), hands, start)[:, 0, 0]
+    wrist = (target.project(neck) - target.wrist_px) @ target.wrist_weight.T
     return np.concatenate(
         [*(_pseudo_huber(part.reshape(n, -1)) for part in (outline, tips, valleys)), wrist, z],
         axis=1,

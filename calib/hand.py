@@ -77,6 +77,7 @@ def calibrate_hand(
     side: str | None = None,
     facing: str = "palm",
     hand_length_mm: float | None = None,
+    visible: Mask | None = None,
 ) -> CalibrationResult:
     """Fit ``default`` to the open hand in ``mask`` ``(h, w)`` seen by ``camera``.
 
@@ -88,6 +89,8 @@ def calibrate_hand(
         Which side of the hand the camera sees; it cannot be told from a silhouette.
     hand_length_mm : float, optional
         Wrist to middle fingertip: sets the scale.
+    visible : (h, w) bool, optional
+        Where the picture goes on, if that is not all of the mask (a crop beyond the frame).
 
     Raises
     ------
@@ -96,7 +99,7 @@ def calibrate_hand(
     """
     _check(mask, camera, side, facing)
     default = default or HandShape.default()
-    landmarks, seen = search_landmarks(mask)
+    landmarks, seen = search_landmarks(mask, visible)
     if landmarks is None:
         return _refused(default, seen)
     found = _side_shown(landmarks, facing)
@@ -104,7 +107,7 @@ def calibrate_hand(
         return _refused(default, Seen.OTHER_SIDE)
     if found == "left":
         mask, camera = mask[:, ::-1], camera.mirrored()
-        landmarks, seen = search_landmarks(mask)
+        landmarks, seen = search_landmarks(mask, None if visible is None else visible[:, ::-1])
         if landmarks is None:
             return _refused(default, seen)
     return _fit(landmarks, camera, default, found, facing, hand_length_mm)

@@ -107,19 +107,23 @@ class Landmarks:
         return np.asarray(np.linalg.norm(self.tips_px - roots, axis=1) / self.radius_px)
 
 
-def find_landmarks(mask: Mask) -> Landmarks | None:
+def find_landmarks(mask: Mask, visible: Mask | None = None) -> Landmarks | None:
     """Landmarks of the open hand in ``mask`` ``(h, w)``, or None (see :func:`search_landmarks`)."""
-    return search_landmarks(mask)[0]
+    return search_landmarks(mask, visible)[0]
 
 
-def search_landmarks(mask: Mask) -> tuple[Landmarks | None, Seen]:
-    """Landmarks of the open hand in ``mask`` ``(h, w)``, and what was seen."""
+def search_landmarks(mask: Mask, visible: Mask | None = None) -> tuple[Landmarks | None, Seen]:
+    """Landmarks of the open hand in ``mask`` ``(h, w)``, and what was seen.
+
+    ``visible`` ``(h, w)`` is where the picture goes on, if that is not all of the mask.
+    """
     seen = Seen.NOTHING
+    clear = _clear_of_border(np.ones_like(mask) if visible is None else visible)
     for centre, radius, outline in _palm_candidates(mask):
         contour = _resampled(outline, radius)
         if len(contour) < 10 * ARM:
             continue
-        found, here = _five_tips(contour, centre, radius, mask.shape)
+        found, here = _five_tips(contour, centre, radius, _at(clear, contour))
         if here is Seen.OPEN_HAND and found is not None:
             landmarks = _describe(contour, centre, radius, found)
             if landmarks is not None:
@@ -194,10 +198,10 @@ def _normals(points: Array) -> Array:
 
 
 def _five_tips(
-    contour: Array, centre: Array, radius: float, size: tuple[int, ...]
+    contour: Array, centre: Array, radius: float, clear: NDArray[np.bool_]
 ) -> tuple[NDArray[np.int64] | None, Seen]:
     """Indices of five tips in contour order, the wrist's gap between the last and the first."""
-    tips = _tips(contour, centre, radius, size)
+    tips = _tips(contour, centre, radius, clear)
     if len(tips) < 5:
         return None, Seen.FEW_TIPS
     angle = np.arctan2(*(contour[tips] - centre).T[::-1])
@@ -207,7 +211,7 @@ def _five_tips(
     if len(tips) > 5:
         return None, Seen.MANY_TIPS
     inside = np.arange(tips[0], tips[0] + (tips[-1] - tips[0]) % len(contour)) % len(contour)
-    if _on_border(contour[inside], size).any():
+    if not clear[inside].all():
         return None, Seen.CLIPPED
     return tips, Seen.OPEN_HAND
 
@@ -230,7 +234,7 @@ def _tips(contour: Array, centre: Array, radius: float, size: tuple[int, ...]) -
         & (np.linalg.norm(contour - centre, axis=1) > MIN_TIP_DISTANCE_R * radius)
         & (width < MAX_TIP_WIDTH_R * radius)
         & (np.linalg.norm(A - B, axis=1) < MAX_TIP_GROWTH * width)
-        & ~_on_border(contour, size)
+        & clear
     )
     score = np.where(ok, cosine, -1.0)
     peak = ok & (score == maximum_filter1d(score, 2 * STEPS_PER_RADIUS + 1, mode="wrap"))
@@ -258,10 +262,18 @@ def _signed_area(points: Array) -> float:
     return float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) / 2)
 
 
-def _on_border(points: Array, size: tuple[int, ...]) -> NDArray[np.bool_]:
-    height, width = size
-    low = np.min(points, axis=1) < 1.0
-    return np.asarray(low | (points[:, 0] > width - 2.0) | (points[:, 1] > height - 2.0))
+def _clear_of_border(visible: Mask) -> Mask:
+    """Pixels ``(h, w)`` at least 2 px inside the picture."""
+    edge = np.asarray(visible, np.uint8)
+    square = np.ones((5, 5), np.uint8)
+    return np.asarray(cv2.erode(edge, square, borderType=cv2.BORDER_CONSTANT, borderValue=0) > 0)
+
+
+def _at(picture: Mask, points: Array) -> NDArray[np.bool_]:
+    """The values of ``picture`` ``(h, w)`` at the nearest pixels of ``points`` ``(n, 2)``."""
+    height, width = picture.shape
+    x, y = np.round(points).astype(int).T
+    return np.asarray(picture[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)])
 
 
 def _describe(

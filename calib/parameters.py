@@ -5,9 +5,10 @@ the prior is simply ``|z|^2`` and a ``z`` of 3 is a surprise. Unknowns and their
 
 - pose: turn about the line of sight and shift (free), tilt 1 deg (one frontal picture cannot tell
   it), log of the depth (free: it carries the scale, because the palm keeps its length);
-- lengths: a factor common to all digits 10 %, one per digit 6 % (12 % together; 10 % for the
+- lengths: a factor common to all digits 8 %, one per digit 6 % (10 % together; 13 % for the
   thumb), shares of the bones 3 %;
 - joint centres 3 mm (the middle one defines the frame), the thumb's 4 mm;
+- where the webs end, 5 % of the proximal bones, the same for all;
 - radii: a common factor 15 %, each joint 8 %;
 - flexion axes: fan 3 deg, roll 4 deg; the thumb's rest direction 8 deg each way;
 - angles of this picture: abduction 8 deg; the thumb's four 12 deg.
@@ -38,10 +39,11 @@ _BLOCKS: tuple[tuple[str, tuple[int, ...], tuple[float, ...] | float], ...] = (
     ("turn", (3,), (1 * _DEG, 1 * _DEG, 60 * _DEG)),  # camera axes x, y, z
     ("shift_mm", (2,), 100.0),
     ("log_depth", (), 0.5),
-    ("log_length_all", (), 0.10),
+    ("log_length_all", (), 0.08),
     ("log_length", (5,), (0.10, 0.06, 0.06, 0.06, 0.06)),
     ("share", (5, 2), 0.03),
     ("base_mm", (5, 2), (4.0, 4.0, 3.0, 3.0, 0.01, 0.01, 3.0, 3.0, 3.0, 3.0)),
+    ("web_share", (), 0.05),
     ("log_radius_all", (), 0.15),
     ("log_radius", (5, 4), 0.08),
     ("fan", (5,), (8 * _DEG, 3 * _DEG, 1 * _DEG, 3 * _DEG, 3 * _DEG)),
@@ -87,6 +89,7 @@ class Hands:
     base_mm: Array  # (n, 5, 3)
     rest: Array  # (n, 5, 3, 3)
     length_mm: Array  # (n, 5, 3)
+    web_share: Array  # (n,) added to the usual share of the proximal bones
     radius_mm: Array  # (n, 5, 4)
     theta: Array  # (n, 20)
 
@@ -109,6 +112,7 @@ def unpack(z: Array, default: HandShape) -> Hands:
         base_mm=base,
         rest=_rest(part, default),
         length_mm=_lengths(part, default),
+        web_share=part["web_share"],
         radius_mm=default.radius_mm
         * np.exp(part["log_radius_all"][:, None, None] + part["log_radius"]),
         theta=theta,

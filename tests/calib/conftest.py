@@ -4,6 +4,7 @@ Nothing here is shared with the fit but the kinematics: webs, the ball of the th
 the sleeve's cut are drawn, which the fit does not model.
 """
 
+import itertools
 from dataclasses import dataclass, replace
 
 import cv2
@@ -12,6 +13,7 @@ import pytest
 
 from handtrack import rotation
 from handtrack.camera import Camera
+from handtrack.evidence.video import read_frames
 from handtrack.hand.kinematics import keypoints_mm
 from handtrack.hand.shape import HandShape
 from handtrack.records import Pose
@@ -56,10 +58,10 @@ def random_open_hand(
     """An open right hand about ``height_px`` tall: random shape, spread, pose, sleeve."""
     shape = random_shape(rng)
     theta = np.zeros(20)
-    theta[[5, 9, 13, 17]] = np.radians([6, 0, -5, -10] + rng.normal(0, 3, 4))
+    theta[[5, 9, 13, 17]] = np.radians(np.array([6, 0, -5, -10]) + rng.normal(0, 3, 4))
     theta[[4, 8, 12, 16]] = np.radians(rng.uniform(0, 10))
     theta[[6, 7, 10, 11, 14, 15, 18, 19]] = np.radians(rng.uniform(0, 8, 8))
-    theta[:4] = np.radians([0, 5, 12, 5] + rng.normal(0, (6, 8, 8, 8)))
+    theta[:4] = np.radians(np.array([0, 5, 12, 5]) + rng.normal(0, (6, 8, 8, 8)))
     frontal = np.diag([1.0, -1.0, -1.0]) if facing == "palm" else np.diag([-1.0, -1.0, 1.0])
     tilt = rng.uniform(0, np.radians(tilt_deg)) * np.array([*_direction(rng), 0.0])
     turn = np.radians(rng.uniform(-turn_deg, turn_deg))
@@ -96,7 +98,7 @@ def draw(
     for d in range(5):
         first, r = 1 + 4 * d, shape.radius_mm[d]
         end = k[first + 3] - r[3] * _unit(k[first + 3] - k[first + 2])
-        for j, (a, b) in enumerate([(0, 1), (1, 2), (2, 3)]):
+        for a, b in itertools.pairwise(range(4)):
             capsule(k[first + a], r[a], end if b == 3 else k[first + b], r[b])
     web = rng.uniform(0.46, 0.54)
     for d in (1, 2, 3):
@@ -109,8 +111,12 @@ def draw(
     capsule(np.array([-30.0, 25, 0]), 15.0, k[17], shape.radius_mm[4, 0])
     bend = rotation.about_z(np.radians(rng.uniform(-12, 12)))
     cuff = rng.uniform(50, 120)
-    end, wide = bend @ np.array([0.0, -cuff, 0.0]), 1.0 + 0.0025 * cuff
-    patch(side, -side, end - wide * bend @ side, end + wide * bend @ side)
+    neck = np.array([0.0, -rng.uniform(2, 8), 0.0])
+    end, wide = neck + bend @ np.array([0.0, -cuff, 0.0]), 1.0 + 0.0025 * cuff
+    patch(1.05 * side, 0.95 * side + neck, neck - 0.95 * side, -1.05 * side)
+    patch(
+        0.95 * side + neck, neck - 0.95 * side, end - wide * bend @ side, end + wide * bend @ side
+    )
     size = (camera.width_px, camera.height_px)
     return cv2.resize(canvas, size, interpolation=cv2.INTER_AREA) > 127
 
@@ -132,3 +138,17 @@ def _direction(rng: np.random.Generator) -> np.ndarray:
 def open_hand():
     """The function that draws a random open hand."""
     return random_open_hand
+
+
+@pytest.fixture(scope="session")
+def first_frame_mask():
+    """The function that gives the silhouette of a clip's first frame by a plain skin rule."""
+
+    def mask_of(path):
+        frame = next(iter(read_frames(path)))
+        ycc = cv2.cvtColor(frame.image, cv2.COLOR_RGB2YCrCb).astype(int)
+        skin = cv2.medianBlur((ycc[..., 1] - ycc[..., 2] > 8).astype(np.uint8), 5)
+        _, label, stats, _ = cv2.connectedComponentsWithStats(skin)
+        return label == 1 + np.argmax(stats[1:, cv2.CC_STAT_AREA])
+
+    return mask_of
