@@ -216,7 +216,9 @@ def _five_tips(
     return tips, Seen.OPEN_HAND
 
 
-def _tips(contour: Array, centre: Array, radius: float, size: tuple[int, ...]) -> NDArray[np.int64]:
+def _tips(
+    contour: Array, centre: Array, radius: float, clear: NDArray[np.bool_]
+) -> NDArray[np.int64]:
     """Indices of the points that look like fingertips, in contour order."""
 
     def arms(k: int) -> tuple[Array, Array]:
