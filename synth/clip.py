@@ -157,14 +157,9 @@ def write_clip(scene: Scene, folder: Path) -> Truth:
     truth = truth_of(scene, film, np.array(masks))
     truth.save(folder / "truth.npz")
     as_hand_shape(HandSpec.named(scene.hand)).save(folder / "shape.toml")
-    (folder / "camera.toml").write_text(_camera_toml(scene.camera), encoding="utf-8")
+    scene.camera.save(folder / "camera.toml", source="synthetic truth")
     (folder / "scene.toml").write_text(tomli_w.dumps(asdict(scene)), encoding="utf-8")
     return truth
-
-
-def _camera_toml(camera: Camera) -> str:
-    values = {k: v for k, v in asdict(camera).items() if k != "assumed"}
-    return tomli_w.dumps({"format": "handtrack-camera", "version": 1} | values)
 
 
 class _Encoder:
