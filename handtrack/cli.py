@@ -33,7 +33,9 @@ from handtrack.errors import EXIT_INTERRUPTED, HandtrackError, InputError
 from handtrack.toml_file import read_toml
 
 #: What is typed (one or two words) -> ``module:Class``.
-COMMANDS: dict[str, str] = {}
+COMMANDS: dict[str, str] = {
+    "run": "handtrack.run:RunSettings",
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

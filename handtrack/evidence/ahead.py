@@ -9,7 +9,7 @@ its item would have. Leaving the loop early stops the thread and closes the iter
 
 import queue
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from typing import Any, TypeVar
 
 Item = TypeVar("Item")
@@ -17,7 +17,7 @@ Item = TypeVar("Item")
 _END = object()
 
 
-def run_ahead(make: Callable[[], Iterator[Item]], n: int) -> Iterator[Item]:
+def run_ahead(make: Callable[[], Iterator[Item]], n: int) -> Generator[Item, None, None]:
     """The items of ``make()``, made in a thread up to ``n`` ahead of their use."""
     waiting: queue.Queue[Any] = queue.Queue(maxsize=n)
     stop = threading.Event()

@@ -17,7 +17,7 @@ are checked against the header, before a picture is allocated. Only local files 
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -119,7 +119,7 @@ def probe(path: str | Path, limits: Limits | None = None) -> VideoInfo:
 
 def read_frames(
     path: str | Path, limits: Limits | None = None, info: VideoInfo | None = None
-) -> Iterator[Frame]:
+) -> Generator[Frame, None, None]:
     """The frames of ``path`` in the order of their time stamps, decoded ahead in a thread.
 
     Parameters

@@ -1,0 +1,106 @@
+"""The folder of a run: two tables and a film that grow frame by frame, and the record of the run.
+
+Everything is written under hidden names and put in its place at the end, together, so the folder
+holds the results of one run and not of two.
+"""
+
+from collections.abc import Callable, Mapping
+from fractions import Fraction
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from handtrack.errors import OutputError
+from handtrack.output.files import hidden_beside, output_folder, put_in_place
+from handtrack.output.overlay import OVERLAY_MP4, Image, OverlayWriter
+from handtrack.output.provenance import RUN_JSON, write_provenance
+from handtrack.output.table import ANGLES_CSV, KEYPOINTS_CSV, TableWriter
+from handtrack.records import FrameResult
+from handtrack.trajectory import Trajectory, angle_columns, keypoint_columns
+
+#: Every file that a run of ours may leave in its folder.
+FILES = (
+    *(ANGLES_CSV, KEYPOINTS_CSV, OVERLAY_MP4, RUN_JSON),
+    *("hand.toml", "camera.toml", "motion.bvh", "report.html"),
+)
+
+
+class RunFolder:
+    """Takes the frames as they come.
+
+    Raises
+    ------
+    OutputError
+        The folder cannot be written in, or holds files of the same names that are not ours.
+    """
+
+    def __init__(self, path: Path) -> None:
+        theirs = [name for name in FILES if (path / name).exists()]
+        if theirs and RUN_JSON not in theirs:
+            raise OutputError(
+                f"{path}: has a {theirs[0]} and no {RUN_JSON}, so it is no folder of ours; "
+                "choose another with --out"
+            )
+        self.path = output_folder(path)
+        self._tables = [
+            TableWriter(self.path / ANGLES_CSV, angle_columns),
+            TableWriter(self.path / KEYPOINTS_CSV, keypoint_columns),
+        ]
+        self._overlay: OverlayWriter | None = None
+
+    def film(self, size: tuple[int, int], time_base: Fraction, sound_of: Path | None) -> None:
+        """Have an overlay film made too."""
+        self._overlay = OverlayWriter(self.path / OVERLAY_MP4, *size, time_base, sound_of)
+
+    def add(self, result: FrameResult, draw: Callable[[], Image]) -> None:
+        """One more frame; ``draw`` gives its picture for the film."""
+        piece = Trajectory.from_results([result])
+        for table in self._tables:
+            table.write(piece)
+        if self._overlay is not None:
+            self._overlay.add(result.time_s, draw)
+
+    def finish(
+        self, record: Mapping[str, Any], extra: Mapping[str, Callable[[Path], None]]
+    ) -> None:
+        """Put everything in its place; what an earlier run left and this one did not make goes.
+
+        Every file is tried, and the first fault is raised after the last of them. ``extra`` has
+        more files, each with the function that writes it.
+        """
+        made = {ANGLES_CSV, KEYPOINTS_CSV, RUN_JSON, *extra}
+        steps: list[Callable[[], None]] = [table.finish for table in self._tables]
+        steps += [partial(_save_whole, self.path / name, save) for name, save in extra.items()]
+        if self._overlay is not None:
+            made.add(OVERLAY_MP4)
+            steps.append(self._overlay.finish)
+        steps.append(lambda: write_provenance(self.path / RUN_JSON, record))
+        faults = [fault for step in steps if (fault := _fault_of(step)) is not None]
+        for name in set(FILES) - made:
+            (self.path / name).unlink(missing_ok=True)
+        if faults:
+            raise faults[0]
+
+    def discard(self) -> None:
+        """Leave nothing of this run behind."""
+        for table in self._tables:
+            table.discard()
+        if self._overlay is not None:
+            self._overlay.discard()
+
+
+def _save_whole(path: Path, save: Callable[[Path], None]) -> None:
+    part = hidden_beside(path)
+    try:
+        save(part)
+        put_in_place(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _fault_of(step: Callable[[], None]) -> Exception | None:
+    try:
+        step()
+    except Exception as fault:
+        return fault
+    return None
