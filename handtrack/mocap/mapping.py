@@ -55,6 +55,7 @@ class Mapping:
     tip_mm : length of each digit's last bone, thumb to little, where the End Site is at zero; the
         bone then continues the one before it when its hinge is at zero.
     yaw_deg : turn about z that puts the fingers, on average, in line with their metacarpals.
+    left_handed_axes : the file's axes are left-handed: read so, a right hand looks like a left one.
     angles : angle name to ``joint``, ``channel``, ``sign``, ``offset_deg``, ``flips_on_left``.
     """
 
@@ -63,6 +64,7 @@ class Mapping:
     keypoints: dict[str, str] = field(default_factory=dict)
     tip_mm: tuple[float, ...] = ()
     yaw_deg: float = 0.0
+    left_handed_axes: bool = False
     angles: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def theta(self, motion: Motion) -> tuple[Array, Array]:
