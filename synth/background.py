@@ -55,8 +55,7 @@ def _plain(width: int, height: int, rng: np.random.Generator) -> Array:
 
 
 def _gradient(width: int, height: int, rng: np.random.Generator) -> Array:
-    ends = rng.uniform(60, 220, (2, 3))
-    ends[:, 0] = np.minimum(ends[:, 0], ends[:, 2])  # bluish: skin is told from it by colour
+    ends = rng.uniform(60, 210, (2, 1)) + rng.uniform(-25, 25, (2, 3)) * (1.0, 0.6, 1.0)
     s = np.linspace(0, 1, height)[:, None, None]
     return np.clip((ends[0] * (1 - s) + ends[1] * s) * _shade(width, height, rng), 0, 255)
 

@@ -148,6 +148,7 @@ def write_clip(scene: Scene, folder: Path) -> Truth:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"{folder}: cannot make the folder ({error.strerror})") from error
+    scene = scene.settled()
     masks = []
     with make_actor(scene) as actor, _Encoder(folder / "clip.mp4", scene) as encoder:
         for image, mask in frames(scene, actor):
@@ -156,7 +157,7 @@ def write_clip(scene: Scene, folder: Path) -> Truth:
     film = scene.motion.film(_streams(scene)[0], scene.fps)
     truth = truth_of(scene, film, np.array(masks))
     truth.save(folder / "truth.npz")
-    as_hand_shape(HandSpec.named(scene.hand)).save(folder / "shape.toml")
+    as_hand_shape(HandSpec.named(scene.hand), scene.surface).save(folder / "shape.toml")
     scene.camera.save(folder / "camera.toml", source="synthetic truth")
     (folder / "scene.toml").write_text(tomli_w.dumps(asdict(scene)), encoding="utf-8")
     return truth

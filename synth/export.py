@@ -6,21 +6,22 @@ from scipy.spatial.transform import Rotation
 
 from handtrack.hand.shape import HandShape
 from synth import quaternion as quat
+from synth.cardboard import palm_outline as flat_outline
 from synth.handspec import HandSpec
 from synth.surface import rest_mesh
 
 Array = NDArray[np.float64]
 
 
-def as_hand_shape(hand: HandSpec) -> HandShape:
-    """The same joints, axes, bones and radii; the palm's outline read off the mesh."""
+def as_hand_shape(hand: HandSpec, surface: str = "smooth") -> HandShape:
+    """The same joints, axes, bones and radii; the palm's outline as the surface has it."""
     rest = Rotation.from_matrix(quat.matrix(hand.rest)).as_rotvec()
     return HandShape(
         base_mm=hand.base_mm,
         rest_rotvec=rest,
         length_mm=hand.length_mm,
         radius_mm=hand.radius_mm,
-        palm_outline_mm=palm_outline(hand),
+        palm_outline_mm=flat_outline(hand) if surface == "cardboard" else palm_outline(hand),
         palm_radius_mm=float(hand.palm_thickness_mm.mean()),
         wrist_radius_mm=float(hand.wrist_mm[0]),
         calibrated=True,
@@ -29,7 +30,7 @@ def as_hand_shape(hand: HandSpec) -> HandShape:
 
 
 def palm_outline(hand: HandSpec) -> Array:
-    """Outline ``(n, 2)`` of the palm: the wrist's thumb side, round the knuckles, and back."""
+    """Outline ``(n, 2)`` of the smooth palm, in the order of the cardboard one."""
     mesh = rest_mesh(hand, 40.0)
     vertices = mesh.vertices
     little, index, middle = hand.base_mm[4], hand.base_mm[1], hand.base_mm[2]

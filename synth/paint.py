@@ -14,18 +14,10 @@ from synth import quaternion as quat
 from synth.kinematics import bone_frames
 from synth.skin import Skin
 from synth.surface import REST_THETA
+from synth.tones import TONES
 
 Array = NDArray[np.float64]
 
-#: sRGB of skin, from very light to very dark.
-TONES: dict[str, tuple[int, int, int]] = {
-    "porcelain": (240, 204, 186),
-    "light": (226, 180, 154),
-    "olive": (203, 158, 118),
-    "tan": (176, 126, 90),
-    "brown": (132, 88, 62),
-    "dark": (86, 57, 42),
-}
 #: Creases of the palm as polylines in x, y, as shares of the palm's length.
 _PALM_CREASES = (
     [(0.36, 0.72), (0.2, 0.62), (0.08, 0.42), (0.06, 0.2)],
@@ -46,7 +38,7 @@ def paint(skin: Skin, tone: str, rng: np.random.Generator) -> Array:
     cool = np.array([0.93, 0.95, 0.97])
     blend = 0.5 + 0.5 * palmar[:, None]
     colour *= warm * blend + cool * (1 - blend)  # the palm is redder, the back duller
-    colour *= 1.0 + _mottle(vertices, rng)[:, None] * np.array([0.05, 0.08, 0.08])
+    colour *= 1.0 + _mottle(vertices, rng)[:, None] * np.array([0.03, 0.05, 0.05])
     colour *= _redness(skin)
     colour *= (1.0 - _creases(skin, palmar))[:, None] ** np.array([0.8, 1.0, 1.05])
     nail = _nails(skin, palmar)[:, None]
@@ -56,14 +48,22 @@ def paint(skin: Skin, tone: str, rng: np.random.Generator) -> Array:
     return np.concatenate([colour.clip(0, 1), np.ones((len(colour), 1))], axis=1)
 
 
-def dress(colours: Array, skin: Skin, cuff_mm: float, cloth: tuple[int, int, int]) -> Array:
-    """The same colours with a sleeve of striped ``cloth`` below ``cuff_mm`` from the wrist."""
+def dress(albedo: Array, skin: Skin, cuff_mm: float, cloth: Array) -> tuple[Array, Array]:
+    """Put a striped sleeve of sRGB ``cloth`` ``(3,)`` on, from ``cuff_mm`` below the wrist.
+
+    Returns
+    -------
+    albedo : (n, 4)
+    is_skin : (n, 4)
+        White where skin is bare, black where it is not.
+    """
     y = skin.mesh.vertices[:, 1]
-    stripe = 1.0 - 0.25 * (np.sin(y * 0.8) > 0.6)
-    dressed = colours.copy()
     below = y < -cuff_mm
-    dressed[below, :3] = (_linear(np.array(cloth, float)) * stripe[:, None])[below]
-    return dressed
+    stripe = 1.0 - 0.25 * (np.sin(y * 0.8) > 0.6)
+    dressed, is_skin = albedo.copy(), np.ones_like(albedo)
+    dressed[below, :3] = (_linear(cloth) * stripe[:, None])[below]
+    is_skin[below, :3] = 0.0
+    return dressed, is_skin
 
 
 def _linear(srgb: Array) -> Array:

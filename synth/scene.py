@@ -12,9 +12,13 @@ from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+
 from handtrack.camera import Camera
 from handtrack.errors import InputError
+from synth.handspec import HAND_NAMES
 from synth.motion import Motion
+from synth.tones import TONES
 
 SCENES_DIR = Path(__file__).parent / "scenes"
 
@@ -49,7 +53,7 @@ class Look:
     Parameters
     ----------
     skin : str
-        A tone of `synth.paint.TONES`.
+        A tone of `synth.tones.TONES`, or ``"any"``.
     forearm : "stub", "bare" or "sleeve"
         It ends below the wrist; it is bare and leaves the image; it is clothed.
     background : str
@@ -83,7 +87,18 @@ class Look:
 
 @dataclass(frozen=True)
 class Scene:
-    """A clip to be made."""
+    """A clip to be made.
+
+    Parameters
+    ----------
+    seed : int
+        Decides everything that is random: motion, scenery, noise, and what is ``"any"``.
+    hand : str
+        One of `synth.handspec.HAND_NAMES`, or ``"any"``.
+    side : "right" or "left"
+    surface : "smooth" or "cardboard"
+        The skinned hand, or the paper's flat patches (which need no OpenGL).
+    """
 
     seed: int = 0
     hand: str = "average"
@@ -101,6 +116,13 @@ class Scene:
         """The camera, principal point in the middle."""
         f, w, h = self.focal_px, self.width_px, self.height_px
         return Camera(f, f, (w - 1) / 2, (h - 1) / 2, w, h)
+
+    def settled(self) -> "Scene":
+        """The same scene with every ``"any"`` decided by its seed."""
+        rng = np.random.default_rng([self.seed, 2])
+        hand, skin = str(rng.choice(HAND_NAMES)), str(rng.choice(list(TONES)))
+        look = replace(self.look, skin=skin) if self.look.skin == "any" else self.look
+        return replace(self, hand=hand if self.hand == "any" else self.hand, look=look)
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any], name: str = "scene") -> "Scene":

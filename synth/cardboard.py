@@ -1,0 +1,114 @@
+"""The paper's cardboard hand, drawn in software: planar patches, painted from far to near.
+
+Each finger is three patches joined at the joints, the palm and a stub of forearm one each
+(Section 2, Fig. 1). Patches are flat, lit by the angle to the light, and have a thin dark rim, so
+that there are edges to see where one finger lies over another.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from synth import quaternion as quat
+from synth.handspec import HandSpec
+from synth.kinematics import bone_frames
+from synth.layer import Layer
+from synth.scene import Scene
+from synth.tones import TONES
+
+Array = NDArray[np.float64]
+_FINE = 2  # drawn this many times as large, then reduced: smooth rims
+_SHIFT = 4  # bits of sub-pixels in OpenCV's polygons
+_LIGHT = np.array([-0.4, -0.5, -0.77])
+_TIP_TAPER = 0.7
+
+
+@dataclass(frozen=True, eq=False)
+class Patch:
+    """A flat piece in the palm frame of a right hand."""
+
+    corners: Array  # (v, 3) mm
+    shade: float
+
+
+def palm_outline(hand: HandSpec) -> Array:
+    """Outline ``(n, 2)``: the wrist's thumb side, round the knuckles, and back."""
+    width = hand.wrist_mm[0]
+    index, little = hand.base_mm[1], hand.base_mm[4]
+    r1, r4 = hand.radius_mm[1, 0], hand.radius_mm[4, 0]
+    over = 0.3 * hand.length_mm[1:, 0].mean()
+    knuckles = [(x, y + over) for x, y, _ in hand.base_mm[1:]]
+    return np.array(
+        [
+            (width, -4.0),
+            (width + 8.0, 0.3 * index[1]),
+            (index[0] + r1 + 1.0, 0.6 * index[1]),
+            (index[0] + r1, index[1]),
+            *knuckles,
+            (little[0] - r4, little[1]),
+            (little[0] - r4 + 1.0, 0.5 * little[1]),
+            (-width - 1.0, 0.15 * little[1]),
+            (-width, -4.0),
+        ]
+    )
+
+
+def patches(theta: Array, hand: HandSpec, forearm_mm: float, wrist: Array) -> list[Patch]:
+    """All 17 patches of one configuration."""
+    q, start, end = bone_frames(theta, hand)
+    across = quat.rotate(q, np.array([1.0, 0.0, 0.0]))
+    flat = palm_outline(hand)
+    pieces = [Patch(np.column_stack([flat, np.zeros(len(flat))]), 1.0)]
+    w0, w1 = hand.wrist_mm[0], hand.wrist_mm[0] + 0.04 * forearm_mm
+    stub = np.array([(w0, 0, 0), (-w0, 0, 0), (-w1, -forearm_mm, 0), (w1, -forearm_mm, 0.0)])
+    turn = quat.multiply(quat.turn("z", wrist[1]), quat.turn("x", wrist[0]))
+    pieces.append(Patch(quat.rotate(turn, stub), 0.97))
+    for bone in range(15):
+        d, j = divmod(bone, 3)
+        r0, r1 = hand.radius_mm[d, j], hand.radius_mm[d, j + 1] * (_TIP_TAPER if j == 2 else 1.0)
+        a, b, x = start[bone], end[bone], across[bone]
+        pieces.append(
+            Patch(np.array([a - x * r0, b - x * r1, b + x * r1, a + x * r0]), 1 - 0.04 * j)
+        )
+    return pieces
+
+
+class CardboardActor:
+    """Draws the cardboard hand; needs no OpenGL."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._hand = HandSpec.named(scene.hand)
+        self._camera = scene.camera
+        self._tone = np.array(TONES[scene.look.skin], float)
+        self._forearm_mm = 32.0 if scene.look.forearm == "stub" else 260.0
+        self._S = np.array([-1.0 if scene.side == "left" else 1.0, 1.0, 1.0])
+
+    def __enter__(self) -> "CardboardActor":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Nothing is held."""
+
+    def draw(self, theta: Array, R: Array, t_mm: Array, wrist: Array) -> Layer:
+        """One instant."""
+        camera = self._camera
+        canvas = np.zeros((camera.height_px * _FINE, camera.width_px * _FINE, 4), np.uint8)
+        pieces = patches(theta, self._hand, self._forearm_mm, wrist)
+        seen = [((p.corners * self._S) @ R.T + t_mm, p.shade) for p in pieces]
+        for corners, shade in sorted(seen, key=lambda piece: -piece[0][:, 2].mean()):
+            self._paint(canvas, corners, shade)
+        size = (camera.width_px, camera.height_px)
+        rgba = np.asarray(cv2.resize(canvas, size, interpolation=cv2.INTER_AREA), np.uint8)
+        return Layer(rgba, rgba[..., 3] >= 128)
+
+    def _paint(self, canvas: NDArray[np.uint8], corners: Array, shade: float) -> None:
+        normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+        facing = abs(normal @ _LIGHT) / max(float(np.linalg.norm(normal)), 1e-9)
+        colour = (self._tone * shade * (0.55 + 0.45 * facing)).clip(0, 255)
+        fine = (self._camera.project(corners) + 0.5) * _FINE - 0.5
+        points = [np.round(fine * (1 << _SHIFT)).astype(np.int32)]
+        cv2.fillPoly(canvas, points, (*colour.tolist(), 255.0), cv2.LINE_8, _SHIFT)
+        rim = (*(0.72 * colour).tolist(), 255.0)
+        cv2.polylines(canvas, points, True, rim, _FINE, cv2.LINE_8, _SHIFT)
