@@ -56,6 +56,7 @@ class Seen(Enum):
     FEW_TIPS = "fewer than five fingertips stand out: open the hand and spread the fingers"
     MANY_TIPS = "more than five tips stand out: show one hand, away from other things"
     CLIPPED = "the hand runs over the edge of the picture: show all of it"
+    HALF_OPEN = "a hand was found, but not open and flat enough: spread the fingers, palm flat"
     OTHER_SIDE = "the thumb is on the other side: check the side, or which way the hand faces"
     POOR_FIT = "a hand was found but the model does not fit it: show it flat to the camera"
     NO_THUMB = "the thumb cannot be told from the little finger: spread the thumb"

@@ -38,8 +38,10 @@ def palm_from_outline(
     little_side = outline[landmarks.tip_index[4] :]
     base, default = shape.base_mm[:, :2], HandShape.default()
     little_y = base[4, 1]
-    edge_y = np.array([0.94, 0.5, 0.1]) * little_y
+    edge_y = np.array([0.94, 0.75, 0.55, 0.35, 0.12]) * little_y
     edge_x = [_crossing(little_side, y, base[4, 0] - 10.0) for y in edge_y]
+    thumb_y = np.array([0.12, 0.3]) * little_y
+    thumb_x = [_crossing(thumb_side, y, x) for y, x in zip(thumb_y, (28.0, 33.0), strict=True)]
     right = _crossing(thumb_side, 0.0, shape.wrist_radius_mm)
     left = _crossing(little_side, 0.0, -shape.wrist_radius_mm)
     wrist_radius = float(np.clip((right - left) / 2, 18.0, 36.0))
@@ -48,11 +50,11 @@ def palm_from_outline(
     knuckles = base[1:] + KNUCKLE_SHARE * shape.length_mm[1:, :1] * _directions(shape)
     vertices = [
         (middle + wrist_radius, -4.0),
-        (34 * widen, 22.0),
+        *zip(np.clip(thumb_x, 16.0, 36.0 * widen), thumb_y, strict=True),
         (35 * widen, 50.0),
         (34 * widen, base[1, 1] - 2.0),
         *knuckles,
-        *zip(np.minimum(edge_x, [base[4, 0] - 3.0, -20.0, -16.0]), edge_y, strict=True),
+        *zip(np.minimum(edge_x, [base[4, 0] - 3.0, *[-16.0] * 4]), edge_y, strict=True),
         (middle - wrist_radius, -4.0),
     ]
     return replace(shape, palm_outline_mm=np.array(vertices), wrist_radius_mm=wrist_radius)

@@ -34,6 +34,7 @@ from handtrack.toml_file import read_toml
 
 #: What is typed (one or two words) -> ``module:Class``.
 COMMANDS: dict[str, str] = {
+    "calibrate hand": "calib.commands:CalibrateHand",
     "run": "handtrack.run:RunSettings",
 }
 
