@@ -36,6 +36,9 @@ from handtrack.toml_file import read_toml
 COMMANDS: dict[str, str] = {
     "calibrate hand": "calib.commands:CalibrateHand",
     "run": "handtrack.run:RunSettings",
+    "space excerpt": "handtrack.hand.commands:SpaceExcerpt",
+    "space fit": "handtrack.hand.commands:SpaceFit",
+    "space report": "handtrack.hand.commands:SpaceReport",
 }
 
 
