@@ -153,7 +153,7 @@ def in_palm_frame(points: ArrayLike) -> Array:
     normal = _unit(np.cross(X[:, 5] - X[:, 17], y))
     x = _unit(X[:, 5] - X[:, 17] - y * ((X[:, 5] - X[:, 17]) * y).sum(-1, keepdims=True))
     first, second = _unit(X[:, 6::4] - X[:, 5::4]), _unit(X[:, 7::4] - X[:, 6::4])
-    curl = ((second - first) * normal[:, None]).sum(-1)  # (F, 4), without the thumb's
+    curl = (np.cross(first, second) * np.cross(y, normal)[:, None]).sum(-1)  # (F, 4)
     z = normal * (1.0 if curl.sum() >= 0 else -1.0)
     return np.einsum("fba,fkb->fka", np.stack([x, y, z], axis=-1), X)
 
