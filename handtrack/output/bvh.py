@@ -20,7 +20,8 @@ that points up in the picture stands upright in Blender.
 >>> motion = hand_motion(theta, np.eye(3)[None], np.zeros((1, 3)), HandShape.default())
 >>> motion.names[:5]
 ('wrist', 'thumb_carpal', 'thumb_cmc', 'thumb_mcp', 'thumb_ip')
->>> np.allclose(angles_of(motion), theta)
+>>> from handtrack.mocap.mapping import read_mapping
+>>> np.allclose(read_mapping("handtrack").theta(motion)[0], theta)
 True
 """
 
@@ -109,33 +110,6 @@ def hand_motion(
         frame_time_s=float(frame_time_s),
         values=np.hstack([position, *blocks]),
     )
-
-
-def angles_of(motion: Motion) -> Array:
-    """The 20 angles ``(F, 20)`` in radians of a motion that :func:`hand_motion` made.
-
-    Raises
-    ------
-    InputError
-        A joint of ours is not in the skeleton.
-    """
-    left = motion.offsets[motion.index("index_mcp")] @ motion_rest(motion, "index")[0] < 0
-    theta = np.empty((motion.n_frames, 20))
-    for k, name in enumerate(n for n in KEYPOINT_NAMES[1:] if not n.endswith("_tip")):
-        digit, joint = divmod(k, 3)
-        z, _, x = motion.values[:, motion.columns(motion.index(name))].T
-        if joint == 0:
-            theta[:, 4 * digit], theta[:, 4 * digit + 1] = x, z if left else -z
-        else:
-            theta[:, 4 * digit + joint + 1] = x
-    return np.radians(theta)
-
-
-def motion_rest(motion: Motion, digit: str) -> Array:
-    """Rest frame ``(3, 3)`` of a digit of one of our skeletons."""
-    name = REST_JOINTS[DIGITS.index(digit)]
-    z, y, x = np.radians(motion.values[0, motion.columns(motion.index(name))])
-    return rotation.about_z(z) @ rotation.about_y(y) @ rotation.about_x(x)
 
 
 def write_hand_bvh(
