@@ -36,7 +36,8 @@ def angles_of_keypoints(
 
     Returns
     -------
-    theta : (..., 20) in radians, abductions within half pi of zero.
+    theta : (..., 20) in radians, abductions within half pi of zero; NaN for a digit that is not
+        known or has a bone without length.
     out_of_plane : (..., 5) root mean square angle in radians between a digit's bones and its plane.
     """
     digits = np.asarray(points_mm, float)[..., 1:, :]
@@ -47,7 +48,8 @@ def angles_of_keypoints(
 def angles_of_bones(bones: ArrayLike, rest: ArrayLike, damping: float = 0.0) -> tuple[Array, Array]:
     """The same from bone vectors ``(..., 5, 3, 3)`` and rest frames ``(5, 3, 3)``."""
     u = np.asarray(bones, float)
-    u = u / np.linalg.norm(u, axis=-1, keepdims=True)
+    length = np.linalg.norm(u, axis=-1, keepdims=True)
+    u = u / np.where(length > 0, length, np.nan)
     v = np.einsum("dki,...dbk->...dbi", np.asarray(rest, float), u)  # (..., 5, 3, 3)
     x, y, z = v[..., 0], v[..., 1], v[..., 2]
     xx, xy = (x * x).sum(-1), (x * y).sum(-1)

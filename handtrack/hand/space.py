@@ -25,6 +25,7 @@ from functools import cache, cached_property
 from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
+from zipfile import BadZipFile
 
 import numba
 import numpy as np
@@ -272,7 +273,7 @@ def load(path: str | Path) -> ConfigurationSpace:
             return ConfigurationSpace(**{n: data[n] for n in _ARRAYS}, provenance=provenance)
     except OSError as error:
         raise InputError(f"{path}: cannot read the space ({error.strerror or error})") from error
-    except (KeyError, ValueError, EOFError) as error:
+    except (KeyError, ValueError, EOFError, BadZipFile) as error:
         raise InputError(f"{path}: not a configuration space ({error})") from error
 
 

@@ -165,6 +165,8 @@ def read_intel(path: str | Path) -> list[Recording]:
         raise InputError(f"{file}: cannot read the recording ({error.strerror})") from error
     except ValueError as error:
         raise InputError(f"{file}: not a file of poses ({error})") from error
+    if not (np.linalg.norm(bones[..., 3:], axis=-1) > 0).all():  # False for NaN, too
+        raise InputError(f"{file}: a bone whose quaternion is no rotation")
     R = rotation.from_quaternion(bones[..., [6, 3, 4, 5]])
     along = np.einsum("fba,fkb->fka", R[:, _INTEL_PALM], R[:, _INTEL_DIGITS, :, 2])
     ours = np.stack([along[..., 0], along[..., 2], -along[..., 1]], axis=-1)

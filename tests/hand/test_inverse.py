@@ -40,3 +40,14 @@ def test_twist_shows_as_out_of_plane() -> None:
         turned[1] = rest[1] @ rotation.about_y(np.radians(twist_deg))
         _, out = angles_of_bones(bones, turned)
         assert least <= np.degrees(out[1]) <= most
+
+
+def test_a_digit_that_is_not_known_leaves_the_others_alone() -> None:
+    theta = np.full((1, 20), 0.3)
+    points = keypoints_mm(theta, SHAPE)
+    points[0, 7] = np.nan  # a joint of the index
+    points[0, 20] = points[0, 19]  # a last bone without length
+    found, _ = angles_of_keypoints(points, SHAPE)
+    unknown = np.repeat([False, True, False, False, True], 4)
+    assert np.isnan(found[0, unknown]).all()
+    np.testing.assert_allclose(found[0, ~unknown], 0.3, atol=1e-9)

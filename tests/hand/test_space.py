@@ -120,8 +120,9 @@ def test_file_round_trip_and_refusals(tmp_path: Path) -> None:
     assert (again.provenance, again.basis_names) == (SPACE.provenance, SPACE.basis_names)
     (tmp_path / "b.npz").write_bytes(b"not a file of arrays")
     np.savez(tmp_path / "c.npz", mean=np.zeros(20))
+    (tmp_path / "e.npz").write_bytes((tmp_path / "a.npz").read_bytes()[:500])
     np.save(tmp_path / "d.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
-    for name in ("b.npz", "c.npz", "d.npy", "absent.npz"):
+    for name in ("b.npz", "c.npz", "d.npy", "e.npz", "absent.npz"):
         with pytest.raises(InputError) as caught:
             load(tmp_path / name)
         assert name in str(caught.value)

@@ -93,7 +93,12 @@ def test_frames_outside_the_limits_or_out_of_plane_are_not_ok() -> None:
 
 @pytest.mark.parametrize("read", [read_leap, read_intel, read_manipnet])
 def test_what_is_no_recording_is_refused_in_one_line(read, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
-    for name, text in (("a", "1 2 3\n"), ("b", '{"frames": [{"hands": [{}]}]}'), ("c", "")):
+    for name, text in (
+        ("a", "1 2 3\n"),
+        ("b", '{"frames": [{"hands": [{}]}]}'),
+        ("c", ""),
+        ("d", "0 " * 119),
+    ):
         (tmp_path / name).write_text(text, encoding="utf-8")
         with pytest.raises(InputError) as caught:
             read(tmp_path / name)
