@@ -34,8 +34,11 @@ from handtrack.toml_file import read_toml
 
 #: What is typed (one or two words) -> ``module:Class``.
 COMMANDS: dict[str, str] = {
+    "bench": "synth.commands:Bench",
     "calibrate hand": "calib.commands:CalibrateHand",
+    "demo": "synth.commands:Demo",
     "run": "handtrack.run:RunSettings",
+    "synth": "synth.commands:Synth",
     "space excerpt": "handtrack.hand.commands:SpaceExcerpt",
     "space fit": "handtrack.hand.commands:SpaceFit",
     "space report": "handtrack.hand.commands:SpaceReport",

@@ -4,6 +4,7 @@
 (the hand's measures as the tracker would know them), ``camera.toml`` and ``scene.toml``.
 """
 
+import sys
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from fractions import Fraction
@@ -14,6 +15,7 @@ import cv2
 import numpy as np
 import tomli_w
 from numpy.typing import NDArray
+from tqdm import tqdm
 
 from handtrack.camera import Camera
 from handtrack.errors import OutputError
@@ -134,7 +136,7 @@ def _sense(
     return np.clip(image + 0.5, 0, 255).astype(np.uint8)
 
 
-def write_clip(scene: Scene, folder: Path) -> Truth:
+def write_clip(scene: Scene, folder: Path, progress: bool = False) -> Truth:
     """Render ``scene`` into ``folder``; returns the truth that was written there.
 
     Raises
@@ -144,20 +146,24 @@ def write_clip(scene: Scene, folder: Path) -> Truth:
     NoGLError
         The smooth hand is asked for and there is no OpenGL.
     """
+    scene = scene.settled()
+    shape = as_hand_shape(HandSpec.named(scene.hand), scene.surface)
+    masks = []
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"{folder}: cannot make the folder ({error.strerror})") from error
-    scene = scene.settled()
-    masks = []
     with make_actor(scene) as actor, _Encoder(folder / "clip.mp4", scene) as encoder:
-        for image, mask in frames(scene, actor):
+        hidden = not (progress and sys.stderr.isatty())
+        for image, mask in tqdm(
+            frames(scene, actor), total=scene.motion.frames, unit="frame", disable=hidden
+        ):
             encoder.add(image)
             masks.append(np.packbits(mask, axis=-1))
     film = scene.motion.film(_streams(scene)[0], scene.fps)
     truth = truth_of(scene, film, np.array(masks))
     truth.save(folder / "truth.npz")
-    as_hand_shape(HandSpec.named(scene.hand), scene.surface).save(folder / "shape.toml")
+    shape.save(folder / "shape.toml")
     scene.camera.save(folder / "camera.toml", source="synthetic truth")
     (folder / "scene.toml").write_text(tomli_w.dumps(asdict(scene)), encoding="utf-8")
     return truth

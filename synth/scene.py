@@ -111,6 +111,23 @@ class Scene:
     motion: Motion = field(default_factory=Motion)
     look: Look = field(default_factory=Look)
 
+    def __post_init__(self) -> None:
+        for name in ("width_px", "height_px"):
+            if (n := getattr(self, name)) < 16 or n % 2:
+                raise InputError(f"scene: {name} = {n}, wanted an even number from 16 (H.264)")
+        checks = {
+            "fps": self.fps > 0,
+            "focal_px": self.focal_px > 0,
+            "motion.frames": self.motion.frames >= 1,
+            "motion.distance_mm": self.motion.distance_mm >= 250,
+            "motion.pace_s": 0 < self.motion.pace_s[0] <= self.motion.pace_s[1],
+            "look.subframes": self.look.subframes >= 1,
+            "look.crf": 0 <= self.look.crf <= 51,
+            "look.noise": self.look.noise >= 0,
+        }
+        if wrong := [name for name, fine in checks.items() if not fine]:
+            raise InputError(f"scene: {', '.join(wrong)} out of range")
+
     @property
     def camera(self) -> Camera:
         """The camera, principal point in the middle."""

@@ -74,7 +74,8 @@ def _shares(vertices: Array, local: Array, hand: HandSpec, start: Array, end: Ar
     thumb = 1.0 / (1.0 + np.exp(-(rest - reach[0]) / 4.0))
     thumb *= _smoothstep((local[:, 0, 1] + 10.0) / 26.0)
     digits = np.concatenate([thumb[:, None], (1 - thumb)[:, None] * near * rises], axis=1)
-    return np.concatenate([1.0 - digits.sum(axis=1, keepdims=True), digits], axis=1)
+    palm = np.clip(1.0 - digits.sum(axis=1, keepdims=True), 0.0, 1.0)
+    return np.concatenate([palm, digits], axis=1)
 
 
 def weights(chart: Chart, vertices: Array, hand: HandSpec) -> Array:

@@ -1,0 +1,52 @@
+"""Clips are made once: a folder per scene, named after everything that decides its bytes."""
+
+import hashlib
+import shutil
+from dataclasses import asdict, dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import tomli_w
+
+from synth.clip import write_clip
+from synth.scene import Scene
+
+_SOURCES = Path(__file__).parent
+
+
+@dataclass(frozen=True)
+class ClipCache:
+    """Ready scenes, rendered into ``folder`` when they are first asked for."""
+
+    folder: Path
+    frames: int | None = None  # cut or lengthen every clip to so many
+
+    def __call__(self, condition: str, seed: int) -> Path:
+        """The folder of ready scene ``condition``, its seed counted on from the scene's own."""
+        scene = Scene.named(condition)
+        scene = replace(scene, seed=1000 * scene.seed + seed)
+        if self.frames is not None:
+            scene = replace(scene, motion=replace(scene.motion, frames=self.frames))
+        made = self.folder / f"{condition}-{seed}-{key_of(scene)}"
+        if not (made / "truth.npz").is_file():
+            part = made.with_name(f".{made.name}.part")
+            shutil.rmtree(part, ignore_errors=True)
+            write_clip(scene, part)
+            shutil.rmtree(made, ignore_errors=True)
+            part.rename(made)
+        return made
+
+
+def key_of(scene: Scene) -> str:
+    """Ten hex digits that change with the scene, and with the program that draws it."""
+    text = tomli_w.dumps(asdict(scene)) + _program()
+    return hashlib.sha256(text.encode()).hexdigest()[:10]
+
+
+@cache
+def _program() -> str:
+    files = sorted(p for p in _SOURCES.rglob("*") if p.suffix in (".py", ".toml"))
+    drawing = [
+        p for p in files if p.parent.name != "scenes" and p.stem not in ("commands", "cache")
+    ]
+    return hashlib.sha256(b"".join(p.read_bytes() for p in drawing)).hexdigest()
