@@ -1,5 +1,6 @@
 # make test   everything that CI checks, in an environment of its own (.venv)
 # make lint   the quick part of it
+# make demo   make a clip, follow the hand in it, say how far off the result is
 # make clean  forget the environment and the caches
 
 PYTHON ?= python3
@@ -7,7 +8,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
 
-.PHONY: test lint format clean
+.PHONY: test lint format demo clean
 
 test: lint
 	$(BIN)/python -m pytest --cov --cov-report=term:skip-covered --durations=10
@@ -16,6 +17,9 @@ lint: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+demo: $(STAMP)
+	$(BIN)/handtrack demo
 
 format: $(STAMP)
 	$(BIN)/ruff check --fix .
