@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import N_ANGLES
-from handtrack.hand.space import ALL_PATTERNS, PATTERN_WEIGHTS
+from handtrack.hand.space import ALL_PATTERNS, PATTERN_WEIGHTS, kept_patterns
 
 Array = NDArray[np.float64]
 
@@ -46,6 +46,7 @@ class Basis:
     curled: Array  # (20,)
     states: NDArray[np.bool_]  # (keep, 5)
     support: Array  # (32,) share of the frames that round to each pattern
+    falling: NDArray[np.int64]  # (32,) patterns, the first to fall first
 
     @property
     def theta(self) -> Array:
@@ -61,16 +62,13 @@ def choose_basis(sets: list[Array], keep: int = 28) -> Basis:
     InputError
         ``keep`` is not from 2 to 32, or there is no recording.
     """
-    if not 2 <= keep <= len(ALL_PATTERNS):
-        raise InputError(f"keep {keep} basis states: wanted 2 to {len(ALL_PATTERNS)}")
     if not sets or min(map(len, sets)) == 0:
         raise InputError("the basis states need recordings, and there are none")
     extended, curled = ends(sets)
     shares = [pattern_support(curls(theta, extended, curled)) for theta in sets]
     hard, soft = (np.mean(share, axis=0) for share in zip(*shares, strict=True))
-    order = np.lexsort((soft, ~unnatural(ALL_PATTERNS), hard))  # the first ones fall
-    kept = np.sort(order[len(ALL_PATTERNS) - keep :])
-    return Basis(extended, curled, ALL_PATTERNS[kept], hard)
+    falling = np.lexsort((soft, ~unnatural(ALL_PATTERNS), hard))
+    return Basis(extended, curled, kept_patterns(falling, keep), hard, falling)
 
 
 def ends(sets: list[Array]) -> tuple[Array, Array]:

@@ -68,6 +68,7 @@ def fit_space(
         curled=basis.curled,
         basis_curled=basis.states,
         support=basis.support,
+        falling=basis.falling,
         provenance={
             "sources": [
                 {

@@ -20,7 +20,7 @@ and the nearest line is the one whose foot is nearest.
 """
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from importlib import resources
 from pathlib import Path
@@ -64,6 +64,7 @@ class ConfigurationSpace:
     basis_curled : (m, 5) which digits are curled in each.
     support : (32,) share of recorded frames at each of the 32 patterns, which are numbered in
         binary: thumb 16, index 8, middle 4, ring 2, little 1.
+    falling : (32,) the patterns in the order in which they fall, the least supported first.
     provenance : what it was fitted from: sources, licences, counts, seed, settings.
     """
 
@@ -75,6 +76,7 @@ class ConfigurationSpace:
     curled: Array
     basis_curled: NDArray[np.bool_]
     support: Array
+    falling: NDArray[np.int64]
     provenance: dict[str, Any]
 
     def __post_init__(self) -> None:
@@ -89,6 +91,7 @@ class ConfigurationSpace:
             "curled": (N_ANGLES,),
             "basis_curled": (m, 5),
             "support": (32,),
+            "falling": (32,),
         }
         for name, shape in wanted.items():
             if getattr(self, name).shape != shape:
@@ -171,8 +174,17 @@ class ConfigurationSpace:
         """
         if not 1 <= k <= N_ANGLES:
             raise InputError(f"a configuration space has 1 to {N_ANGLES} dimensions, not {k}")
-        values = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        return ConfigurationSpace(**(values | {"components": principal(self.covariance)[1][:k]}))
+        return replace(self, components=principal(self.covariance)[1][:k])
+
+    def with_basis(self, keep: int) -> "ConfigurationSpace":
+        """The same space with the ``keep`` best supported of the 32 basis states.
+
+        Raises
+        ------
+        InputError
+            ``keep`` is not from 2 to 32.
+        """
+        return replace(self, basis_curled=kept_patterns(self.falling, keep))
 
     def save(self, path: str | Path) -> None:
         """Write a file that :func:`load` reads.
@@ -235,6 +247,19 @@ PATTERN_WEIGHTS = np.array([16, 8, 4, 2, 1])
 #: The 32 patterns ``(32, 5)`` of curled digits, in the order of their numbers.
 ALL_PATTERNS = (np.arange(32)[:, None] & PATTERN_WEIGHTS) > 0
 _LETTERS = "TIMRL"
+
+
+def kept_patterns(falling: NDArray[np.int64], keep: int) -> NDArray[np.bool_]:
+    """The ``keep`` patterns ``(keep, 5)`` that fall last, in the order of their numbers.
+
+    Raises
+    ------
+    InputError
+        ``keep`` is not from 2 to 32.
+    """
+    if not 2 <= keep <= len(ALL_PATTERNS):
+        raise InputError(f"keep {keep} basis states: wanted 2 to {len(ALL_PATTERNS)}")
+    return ALL_PATTERNS[np.sort(falling[len(falling) - keep :])]
 
 
 def state_name(curled: ArrayLike) -> str:

@@ -97,6 +97,17 @@ def test_basis_states_are_the_patterns_that_are_kept() -> None:
     assert np.sqrt((off**2).mean()) < 4
 
 
+def test_how_many_basis_states_are_kept_is_a_setting() -> None:
+    all_of_them = SPACE.with_basis(32)
+    assert (len(all_of_them.lines), all_of_them.dropped) == (496, ())
+    assert SPACE.with_basis(28).basis_names == SPACE.basis_names
+    fewer = SPACE.with_basis(20)
+    assert set(fewer.basis_names) < set(SPACE.basis_names)
+    assert fewer.basis_X.shape == (20, 7)
+    with pytest.raises(InputError, match="keep 33"):
+        SPACE.with_basis(33)
+
+
 def test_prior_covariance_is_wider_than_the_sample() -> None:
     prior = SPACE.prior_covariance()
     assert np.linalg.eigvalsh(prior - SPACE.covariance).min() > np.radians(5.9) ** 2
