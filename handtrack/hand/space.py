@@ -4,12 +4,7 @@ Natural hands fill little of the 20 dimensions of their angles (paper, Section 2
 components of a sample of angles, ``theta = mean + X C`` with orthonormal rows ``C`` ``(k, 20)``,
 bring them to ``k = 7``. In there lie the *basis states*, each finger fully extended or fully
 curled (:mod:`handtrack.hand.basis`), and natural motion keeps near the straight lines between
-them. For a configuration ``X`` and the line from ``B_i`` to ``B_j`` (Section 4.1)::
-
-    s = (X - B_i) . (B_j - B_i) / |B_j - B_i|^2        (4), with the norm squared
-    foot = B_i + s (B_j - B_i)                         (5), s clipped to 0..1
-
-and the nearest line is the one whose foot is nearest.
+them (:mod:`handtrack.hand.lines`).
 
 >>> space = default()
 >>> space.components.shape, space.basis_X.shape, len(space.lines)
@@ -24,14 +19,14 @@ from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from importlib import resources
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from zipfile import BadZipFile
 
-import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from handtrack.errors import InputError, OutputError
+from handtrack.hand.lines import NearestLine, nearest_line
 from handtrack.hand.skeleton import LIMITS, N_ANGLES
 from handtrack.records import freeze_arrays
 
@@ -39,15 +34,6 @@ Array = NDArray[np.float64]
 FORMAT_VERSION = 1
 #: The prior of the refinement: covariance times this, plus this standard deviation squared.
 PRIOR_WIDENING, PRIOR_FLOOR_DEG = 2.25, 6.0
-
-
-class NearestLine(NamedTuple):
-    """The line nearest to each of ``n`` configurations."""
-
-    pair: NDArray[np.int64]  # (n, 2) basis states i < j
-    s: Array  # (n,) place on the line, 0 at i, 1 at j
-    foot: Array  # (n, k)
-    distance: Array  # (n,) in radians
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,8 +100,10 @@ class ConfigurationSpace:
 
     @cached_property
     def basis_X(self) -> Array:
-        """The basis states ``(m, k)``."""
-        return self.to_X(self.basis_theta)
+        """The basis states ``(m, k)``, read-only."""
+        X = self.to_X(self.basis_theta)
+        X.setflags(write=False)
+        return X
 
     @property
     def basis_names(self) -> tuple[str, ...]:
@@ -151,12 +139,7 @@ class ConfigurationSpace:
 
         At a basis state all lines through it are equally near; the first of them is named.
         """
-        points = np.ascontiguousarray(X, dtype=float)
-        n = len(points)
-        pair, place, distance = np.empty((n, 2), np.int64), np.empty(n), np.empty(n)
-        nearest_line_kernel(points, self.basis_X, pair, place, distance)
-        start, end = self.basis_X[pair[:, 0]], self.basis_X[pair[:, 1]]
-        return NearestLine(pair, place, start + place[:, None] * (end - start), distance)
+        return nearest_line(X, self.basis_X)
 
     def prior_covariance(
         self, widening: float = PRIOR_WIDENING, floor_deg: float = PRIOR_FLOOR_DEG
@@ -205,40 +188,6 @@ class ConfigurationSpace:
                 )
         except OSError as error:
             raise OutputError(f"{path}: cannot write the space ({error.strerror})") from error
-
-
-@numba.njit(cache=True)
-def nearest_line_kernel(X, B, pair, place, distance):  # type: ignore[no-untyped-def]
-    """Fill ``pair`` ``(n, 2)``, ``place`` ``(n,)``, ``distance`` ``(n,)``: ``X`` ``(n, k)``.
-
-    With ``q_i = |X - B_i|^2`` and ``L = |B_j - B_i|^2``, the dot product in (4) is
-    ``p = (q_i + L - q_j) / 2`` and the squared distance of the foot ``q_i + s (s L - 2 p)``, so
-    that a line costs a few operations, whatever ``k`` is.
-    """
-    m = len(B)
-    squared = np.empty((m, m))
-    for i in range(m):
-        for j in range(m):
-            squared[i, j] = ((B[j] - B[i]) ** 2).sum()
-    inverse = 1.0 / np.maximum(squared, 1e-300)
-    q = np.empty(m)
-    for n in range(len(X)):
-        for i in range(m):
-            q[i] = 0.0
-            for c in range(B.shape[1]):
-                q[i] += (X[n, c] - B[i, c]) ** 2
-        best = np.inf
-        for i in range(m - 1):
-            for j in range(i + 1, m):
-                L = squared[i, j]
-                p = 0.5 * (q[i] + L - q[j])
-                s = min(max(p * inverse[i, j], 0.0), 1.0)
-                gap = q[i] + s * (s * L - 2.0 * p)
-                if gap < best:
-                    best = gap
-                    pair[n, 0], pair[n, 1] = i, j
-                    place[n] = s
-        distance[n] = np.sqrt(max(best, 0.0))
 
 
 _ARRAYS = tuple(name for name in ConfigurationSpace.__dataclass_fields__ if name != "provenance")
