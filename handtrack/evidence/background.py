@@ -30,6 +30,8 @@ LONG_SIDE_PX = 640
 #: A pixel is known after this many frames, and its mean then follows at the inverse of MEMORY.
 KNOWN_FRAMES = 4.0
 MEMORY_FRAMES = 60.0
+#: A backdrop whose border scatters by more levels than this is not plain.
+PLAIN_SIGMA = 6.0
 #: Share of the known picture that must change at once for the camera to have moved.
 MOVED_SHARE = 0.4
 
@@ -79,12 +81,8 @@ class Background:
     def watch(self, frame_rgb: Pixels, hand: Mask | None = None) -> None:
         """Take in a frame, but not where the ``hand`` ``(H, W)`` is (nowhere if None)."""
         small = shrink(frame_rgb, LONG_SIDE_PX)
+        self._fit_to(small, frame_rgb.shape[1])
         h, w = small.shape[:2]
-        if self.mean.shape[:2] != (h, w) or self.frame_width_px != frame_rgb.shape[1]:
-            self.mean = small.astype(np.float32)
-            self.variance = np.full((h, w), 64.0, np.float32)
-            self.age = np.zeros((h, w), np.float32)
-            self.frame_width_px = frame_rgb.shape[1]
         covered = np.zeros((h, w), np.uint8) if hand is None else self._resized(hand)
         self._follow_exposure(small, covered)
         if self._camera_moved(small, covered):
@@ -95,6 +93,30 @@ class Background:
         """The ``hand`` ``(H, W)`` was standing here: what was learned there is not background."""
         if self.mean.size:
             self.age[self._resized(hand) > 0] = 0
+
+    def assume(self, frame_rgb: Pixels, hand: Mask) -> None:
+        """Take the smooth backdrop of one frame for known, if the frame has one.
+
+        Parameters
+        ----------
+        frame_rgb : (H, W, 3)
+            The frame.
+        hand : (H, W)
+            Where the hand is; there the backdrop is carried over from the border. Elsewhere it is
+            taken only where the frame agrees with it. What was seen before is kept.
+        """
+        small = shrink(frame_rgb, LONG_SIDE_PX)
+        tiny = shrink(frame_rgb, LONG_SIDE_PX // 4)
+        backdrop, sigma = smooth_backdrop(tiny)
+        if sigma > PLAIN_SIGMA:
+            return
+        self._fit_to(small, frame_rgb.shape[1])
+        wide = np.asarray(cv2.resize(backdrop, small.shape[1::-1]), np.float32)
+        agrees = np.abs(small - wide).max(axis=-1) < 4 * sigma
+        new = (self.age < KNOWN_FRAMES) & (agrees | (self._resized(hand) > 0))
+        self.mean[new] = wide[new]
+        self.variance[new] = (1.5 * sigma) ** 2
+        self.age[new] = KNOWN_FRAMES
 
     def through(self, window: Window) -> tuple[Float, Float]:
         """Mean ``(h, w, 3)`` and standard deviation ``(h, w)``, infinite where not known."""
@@ -129,6 +151,14 @@ class Background:
         other.age = self.age[:, ::-1].copy()
         other.frame_width_px = self.frame_width_px
         return other
+
+    def _fit_to(self, small: Pixels, frame_width_px: int) -> None:
+        """Start afresh if frames have another size than so far."""
+        if self.mean.shape != small.shape or self.frame_width_px != frame_width_px:
+            self.mean = small.astype(np.float32)
+            self.variance = np.full(small.shape[:2], 64.0, np.float32)
+            self.age = np.zeros(small.shape[:2], np.float32)
+            self.frame_width_px = frame_width_px
 
     def _resized(self, mask: Mask) -> NDArray[np.uint8]:
         size = self.mean.shape[1::-1]

@@ -155,7 +155,12 @@ def _guesses(
     backdrop, sigma = smooth_backdrop(soft)
     distance = np.linalg.norm(soft - backdrop, axis=-1)
     unlike = distance > max(3.5 * sigma, _otsu(distance) * 0.6)
-    wholes = [unlike, refine(soft, np.where(unlike, 2.0, -2.0).astype(np.float32), rounds=2)]
+    closed = cv2.morphologyEx(unlike.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5))) > 0
+    wholes = [
+        unlike,
+        closed,
+        refine(soft, np.where(unlike, 2.0, -2.0).astype(np.float32), rounds=2),
+    ]
     for whole in wholes:
         yield "backdrop", whole
     moved = background.difference(frame_rgb) if background is not None else None
@@ -163,7 +168,7 @@ def _guesses(
         changed = cv2.resize(moved, soft.shape[1::-1], interpolation=cv2.INTER_AREA) > 5
         yield "motion", changed
         wholes.append(changed)
-    for whole in wholes[1:]:
+    for whole in wholes[2:]:
         if 0.01 < whole.mean() < 0.8:
             for part in colour_clusters(soft, whole, 3):
                 yield "parts", part

@@ -33,6 +33,8 @@ N_BINS = 32
 ANCHOR = 0.5
 #: Probability mass spread over colours never seen: of hand, of background.
 UNSEEN = (0.01, 0.04)
+#: Log odds of the anchor against which nothing is learned.
+FIRM = 2.0
 #: How a surface is also counted dimmed: factors and the weight of each.
 SHADES = np.array([[1.0, 1.0], [0.85, 0.12], [0.7, 0.08], [0.55, 0.05]])
 _VOLUME = 0.1  # share of the grid's bins that pictures use
@@ -45,13 +47,16 @@ class ColourModel:
     ----------
     table : (32, 32, 32, 2) float32
         Densities per bin of hand and background.
+    shadows : bool
+        The dimmed background counts as background.
     """
 
-    def __init__(self, hand: Float, background: Float) -> None:
+    def __init__(self, hand: Float, background: Float, shadows: bool = True) -> None:
+        self.shadows = shadows
         self._anchor = np.stack([hand, background], axis=-1)
         self._running = self._anchor.copy()
-        self.table: Float = np.empty_like(self._anchor)
-        self._rebuild()
+        self._anchor_table = _with_floor(self._anchor)
+        self.table: Float = self._anchor_table
 
     @classmethod
     def from_samples(
@@ -60,28 +65,50 @@ class ColourModel:
         background: Pixels,
         hand_weight: Float | None = None,
         background_weight: Float | None = None,
+        shadows: bool = True,
     ) -> "ColourModel":
-        """A model of RGB samples ``(n, 3)``, weighted ``(n,)`` if wanted."""
-        return cls(histogram(hand, hand_weight), histogram(background, background_weight))
+        """A model of RGB samples ``(n, 3)``, weighted ``(n,)`` if wanted.
+
+        Without ``shadows``, the background is not also counted dimmed.
+        """
+        wall = histogram(background, background_weight, SHADES if shadows else SHADES[:1])
+        return cls(histogram(hand, hand_weight), wall, shadows)
 
     def learn(self, hand: Pixels, background: Pixels, rate: float) -> None:
-        """Move the running histograms by ``rate`` (0 to 1) towards RGB samples ``(n, 3)``."""
-        for k, samples in enumerate((hand, background)):
+        """Move the running histograms by ``rate`` (0 to 1) towards RGB samples ``(n, 3)``.
+
+        What the anchor firmly calls the opposite is not learned: a sleeve is no hand, however often
+        the model of a forearm is laid over it.
+        """
+        hand = hand[_log_odds(hand, self._anchor_table) > -FIRM]
+        background = background[_log_odds(background, self._anchor_table) < FIRM]
+        wall_shades = SHADES if self.shadows else SHADES[:1]
+        for k, (samples, shades) in enumerate(((hand, SHADES), (background, wall_shades))):
             if len(samples) >= 30:
-                self._running[..., k] += rate * (histogram(samples) - self._running[..., k])
+                now = histogram(samples, shades=shades)
+                self._running[..., k] += rate * (now - self._running[..., k])
         self._rebuild()
 
     def log_odds(self, rgb: Pixels) -> Float:
         """``log f - log b`` of RGB pixels ``(..., 3)``, as float32 ``(...)``."""
-        ycc = to_ycc(rgb).reshape(-1, 3)
-        out = np.empty(len(ycc), np.float32)
-        log_odds_kernel(ycc, self.table, out)
-        return out.reshape(rgb.shape[:-1])
+        return _log_odds(rgb, self.table)
 
     def _rebuild(self) -> None:
-        mixed = ANCHOR * self._anchor + (1 - ANCHOR) * self._running
-        floor = np.array(UNSEEN, np.float32) / (_VOLUME * N_BINS**3)
-        self.table = (mixed * (1 - np.array(UNSEEN, np.float32)) + floor).astype(np.float32)
+        self.table = _with_floor(ANCHOR * self._anchor + (1 - ANCHOR) * self._running)
+
+
+def _with_floor(densities: Float) -> Float:
+    """Densities ``(32, 32, 32, 2)`` with the share of colours never seen."""
+    unseen = np.array(UNSEEN, np.float32)
+    return np.asarray(densities * (1 - unseen) + unseen / (_VOLUME * N_BINS**3), np.float32)
+
+
+def _log_odds(rgb: Pixels, table: Float) -> Float:
+    """Log odds ``(...)`` of RGB pixels ``(..., 3)`` by a table of densities."""
+    ycc = to_ycc(rgb).reshape(-1, 3)
+    out = np.empty(len(ycc), np.float32)
+    log_odds_kernel(ycc, table, out)
+    return out.reshape(rgb.shape[:-1])
 
 
 def to_ycc(rgb: Pixels) -> Pixels:
@@ -90,13 +117,15 @@ def to_ycc(rgb: Pixels) -> Pixels:
     return np.asarray(cv2.cvtColor(flat, cv2.COLOR_RGB2YCrCb), np.uint8).reshape(rgb.shape)
 
 
-def histogram(rgb: Pixels, weight: Float | None = None) -> Float:
+def histogram(
+    rgb: Pixels, weight: Float | None = None, shades: NDArray[np.float64] = SHADES
+) -> Float:
     """Smoothed histogram ``(32, 32, 32)`` of RGB samples ``(n, 3)``, summing to one."""
     counts = np.zeros((N_BINS, N_BINS, N_BINS), np.float32)
     if len(rgb) == 0:
         return np.full_like(counts, 1 / counts.size)
     w = np.ones(len(rgb), np.float32) if weight is None else weight.astype(np.float32)
-    splat_kernel(to_ycc(rgb), w, SHADES, counts)
+    splat_kernel(to_ycc(rgb), w, shades, counts)
     smooth_kernel(counts)
     return counts / max(float(counts.sum()), 1e-12)
 

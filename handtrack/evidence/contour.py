@@ -1,10 +1,12 @@
 """The outline of a silhouette, between pixels, at the picture's own edge.
 
 A smoothed log-odds map ``L`` gives the mask ``L > 0``; its boundary pixels, chained, give a normal
-``n`` at each. Colours mix across an outline, so where ``L`` crosses zero depends on how sure the
-two sides are; where the *picture* changes fastest does not. Each point therefore goes, along its
-normal, to the zero of ``L`` and from there to the nearest maximum of the gradient within
-``SNAP_PX``, if there is one; the offsets are then smoothed along the chain by a median.
+``n`` at each. Each point goes, along its normal, to the zero of ``L``. Colours mix across an
+outline, so that zero is off by some tenths of a pixel when one side is surer than the other; where
+the *picture* changes fastest is not, but a round finger darkens towards its rim and may change
+faster well inside. So the point goes half of the way from the zero to a maximum of the gradient
+that is within ``SNAP_PX``, and notes whether there is one within ``SUPPORT_PX``. The offsets are
+then smoothed along the chain by a median.
 
 >>> mask = np.zeros((60, 60), np.float32)
 >>> yy, xx = np.mgrid[:60, :60]
@@ -27,8 +29,9 @@ from numpy.typing import NDArray
 Float = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
-#: Farthest from the zero of the log odds that a gradient maximum may be.
-SNAP_PX = 1.5
+#: Farthest from the zero of the log odds that a gradient maximum moves it, and confirms it.
+SNAP_PX = 0.7
+SUPPORT_PX = 1.5
 #: Outlines of parts and holes shorter than this are specks.
 MIN_LENGTH_PX = 16
 MAX_HOLE_PX = 12
@@ -82,7 +85,7 @@ def trace(mask: Mask, log_odds: Float, gradient: Float) -> Outline:
     for k, chain in enumerate(chains):
         if len(chain) >= MIN_LENGTH_PX:
             xy = chain[:, 0].astype(np.float32)
-            parts.append((*refine_kernel(xy, log_odds, gradient, SNAP_PX), np.full(len(xy), k)))
+            parts.append((*refine_kernel(xy, log_odds, gradient), np.full(len(xy), k)))
     if not parts:
         none = np.zeros((0, 2), np.float32)
         return Outline(none, none, np.zeros(0, bool), np.zeros(0, np.int32))
@@ -126,7 +129,7 @@ def sample(image, x, y):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, fastmath=True)
-def refine_kernel(chain, log_odds, gradient, snap_px):  # type: ignore[no-untyped-def]
+def refine_kernel(chain, log_odds, gradient):  # type: ignore[no-untyped-def]
     """Points, outward normals and whether snapped, of a closed chain ``(m, 2)`` of pixels."""
     m = len(chain)
     normals = np.empty((m, 2), np.float32)
@@ -140,8 +143,9 @@ def refine_kernel(chain, log_odds, gradient, snap_px):  # type: ignore[no-untype
             ty += chain[ahead, 1] - chain[behind, 1]
         length = np.sqrt(tx * tx + ty * ty)
         if length < 1e-6:  # the very end of a stroke one pixel wide
-            tx, ty, length = -(chain[k, 1] - chain[(k - 3) % m, 1]), 0.0, 1.0
-            tx, ty = 1.0, 0.0
+            ty = chain[(k + 1) % m, 0] - chain[k, 0]
+            tx = chain[k, 1] - chain[(k + 1) % m, 1]
+            length = max(np.sqrt(tx * tx + ty * ty), 1e-6)
         nx, ny = -ty / length, tx / length
         # outwards is where the log odds fall
         inward = sample(log_odds, chain[k, 0] - nx, chain[k, 1] - ny)
@@ -149,7 +153,7 @@ def refine_kernel(chain, log_odds, gradient, snap_px):  # type: ignore[no-untype
         if outward > inward:
             nx, ny = -nx, -ny
         normals[k, 0], normals[k, 1] = nx, ny
-        offset[k], snapped[k] = settle(chain[k], nx, ny, log_odds, gradient, snap_px)
+        offset[k], snapped[k] = settle(chain[k], nx, ny, log_odds, gradient)
     points = np.empty((m, 2), np.float32)
     window = np.empty(5, np.float32)
     for k in range(m):
@@ -163,8 +167,8 @@ def refine_kernel(chain, log_odds, gradient, snap_px):  # type: ignore[no-untype
 
 
 @numba.njit(cache=True, fastmath=True)
-def settle(pixel, nx, ny, log_odds, gradient, snap_px):  # type: ignore[no-untyped-def]
-    """Offset along the normal to the zero of the log odds, then to the gradient's maximum."""
+def settle(pixel, nx, ny, log_odds, gradient):  # type: ignore[no-untyped-def]
+    """Offset along the normal to the zero of the log odds, or towards the gradient's maximum."""
     x, y = pixel[0], pixel[1]
     before = sample(log_odds, x, y)
     zero = 0.5
@@ -176,21 +180,22 @@ def settle(pixel, nx, ny, log_odds, gradient, snap_px):  # type: ignore[no-untyp
             break
         before = after
     best, best_g = -1, 0.0
-    n = round(2 * snap_px / 0.5) + 1
+    n = round(2 * SUPPORT_PX / 0.5) + 1
     for s in range(n):
-        t = zero - snap_px + 0.5 * s
-        g = sample(gradient, x + t * nx, y + t * ny) * (1 - 0.2 * abs(t - zero) / snap_px)
+        t = zero - SUPPORT_PX + 0.5 * s
+        g = sample(gradient, x + t * nx, y + t * ny) * (1 - 0.2 * abs(t - zero) / SUPPORT_PX)
         if g > best_g:
             best, best_g = s, g
     if best <= 0 or best >= n - 1 or best_g < 1e-3:
         return zero, False
-    t = zero - snap_px + 0.5 * best
+    t = zero - SUPPORT_PX + 0.5 * best
     a = sample(gradient, x + (t - 0.5) * nx, y + (t - 0.5) * ny)
     b = sample(gradient, x + t * nx, y + t * ny)
     c = sample(gradient, x + (t + 0.5) * nx, y + (t + 0.5) * ny)
     curve = a - 2 * b + c
     shift = 0.25 * (a - c) / curve if curve < -1e-6 else 0.0
-    return t + min(max(shift, -0.5), 0.5), True
+    t += min(max(shift, -0.5), 0.5)
+    return (0.5 * (zero + t) if abs(t - zero) <= SNAP_PX else zero), True
 
 
 @numba.njit(cache=True, fastmath=True)

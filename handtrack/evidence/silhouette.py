@@ -40,9 +40,11 @@ Float = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 #: Share ``w`` of the local background where it is known.
-LOCAL_SHARE = 0.85
+LOCAL_SHARE = 0.95
 #: Share of that for shadows on it.
 SHADOW_SHARE = 0.05
+#: Where shadows would swallow more of the first silhouette than this, there are none.
+MOST_SHADOW = 0.03
 #: Log odds are clipped here before they are smoothed.
 MAX_LOG_ODDS = 6.0
 _BIN_VOLUME_RGB = 589.0  # RGB volume of one bin of the colour model
@@ -99,14 +101,17 @@ class Segmenter:
         size = small.shape[1::-1]
         inside = cv2.resize(mask.astype(np.float32), size, interpolation=cv2.INTER_AREA) > 0.5
         colours = _learn_colours(small, inside)
+        if _shadows_swallow(colours, small, inside):
+            colours = _learn_colours(small, inside, shadows=False)
         near = cv2.dilate(inside.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
         relabelled = (
             colours.log_odds(np.asarray(cv2.GaussianBlur(small, (3, 3), 0), np.uint8)) > 0
         ) & near
         if relabelled.sum() > 0.5 * inside.sum():
-            colours = _learn_colours(small, relabelled)
+            colours = _learn_colours(small, relabelled, colours.shadows)
         segmenter = cls(colours, background)
         segmenter.background.forget(mask)
+        segmenter.background.assume(frame_rgb, mask)
         return segmenter
 
     def probability(self, rgb: Pixels, window: Window | None = None) -> Float:
@@ -124,7 +129,8 @@ class Segmenter:
             log_odds_kernel(ycc.reshape(-1, 3), self.colours.table, out.reshape(-1))
         else:
             mean, sigma = self.background.through(window)
-            local_log_odds_kernel(rgb, ycc, self.colours.table, mean, sigma, out)
+            shadow = SHADOW_SHARE if self.colours.shadows else 0.0
+            local_log_odds_kernel(rgb, ycc, self.colours.table, mean, sigma, shadow, out)
         return np.asarray(np.clip(out, -MAX_LOG_ODDS, MAX_LOG_ODDS), np.float32)
 
     def learn(self, rgb: Pixels, inside: Mask, outside: Mask) -> None:
@@ -179,7 +185,14 @@ class Segmenter:
         return np.isin(labels, joined[joined > 0])
 
 
-def _learn_colours(small: Pixels, inside: Mask) -> ColourModel:
+def _shadows_swallow(colours: ColourModel, small: Pixels, inside: Mask) -> bool:
+    """Whether much of the hand looks like the background in the shade (a grey hand, a grey wall)."""
+    without = _learn_colours(small, inside, shadows=False)
+    lost = (colours.log_odds(small[inside]) < 0) & (without.log_odds(small[inside]) > 0)
+    return bool(lost.mean() > MOST_SHADOW)
+
+
+def _learn_colours(small: Pixels, inside: Mask, shadows: bool = True) -> ColourModel:
     """Colours of the sure inside and outside of a mask; near background counts double."""
     kernel = np.ones((3, 3), np.uint8)
     mask = inside.astype(np.uint8)
@@ -189,11 +202,13 @@ def _learn_colours(small: Pixels, inside: Mask) -> ColourModel:
     outside = cv2.dilate(mask, kernel) == 0
     near = cv2.dilate(mask, np.ones((31, 31), np.uint8)) > 0
     weight = np.where(near, 2.0, 1.0).astype(np.float32)
-    return ColourModel.from_samples(small[sure], small[outside], background_weight=weight[outside])
+    return ColourModel.from_samples(
+        small[sure], small[outside], background_weight=weight[outside], shadows=shadows
+    )
 
 
 @numba.njit(cache=True, fastmath=True)
-def local_log_odds_kernel(rgb, ycc, table, mean, sigma, out):  # type: ignore[no-untyped-def]
+def local_log_odds_kernel(rgb, ycc, table, mean, sigma, shadow_share, out):  # type: ignore[no-untyped-def]
     """Log odds ``(h, w)`` where the background is ``mean`` ``(h, w, 3)``, ``sigma`` ``(h, w)``."""
     h, w = out.shape
     for i in range(h):
@@ -216,6 +231,6 @@ def local_log_odds_kernel(rgb, ycc, table, mean, sigma, out):  # type: ignore[no
                 a = min(max(x_mu / mu_mu, 0.5), 1.0)
                 off = max(x_x - 2 * a * x_mu + a * a * mu_mu, 0.0)
                 ridge = min(1.0, _BIN_VOLUME_RGB / (6.28 * s2 * 0.5 * np.sqrt(mu_mu)))
-                shadow = SHADOW_SHARE * ridge * np.exp(-0.5 * off / s2)
+                shadow = shadow_share * ridge * np.exp(-0.5 * off / s2)
                 b = (1 - LOCAL_SHARE) * b + LOCAL_SHARE * (local + shadow)
             out[i, j] = np.log(f / b)
