@@ -159,11 +159,12 @@ def tilts_of(B: ArrayLike) -> tuple[Array, Array]:
     small = np.divide(-g12, large, out=np.zeros_like(large), where=large > 0)
     u = np.where((delta < 0)[..., None], np.stack([large, small], -1), np.stack([small, large], -1))
     u = np.stack([u, -u], axis=-2) * t3[..., None, None]  # (..., 2, 2): tilt, column
-    columns = np.empty((*u.shape[:-1], 3, 2))
-    columns[..., :2, :] = (B * t3[..., None, None])[..., None, :, :]
-    columns[..., 2, :] = u
-    normal = np.cross(columns[..., 0], columns[..., 1])
-    return np.concatenate([columns, normal[..., None]], axis=-1), t3
+    R = np.empty((*u.shape[:-1], 3, 3))
+    R[..., :2, :2] = (B * t3[..., None, None])[..., None, :, :]
+    R[..., 2, :2] = u
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):  # the third column is across the two
+        R[..., i, 2] = R[..., j, 0] * R[..., k, 1] - R[..., k, 0] * R[..., j, 1]
+    return R, t3
 
 
 def other_tilt(pose: Pose, centre_mm: ArrayLike, line_of_sight: bool = True) -> Pose:
