@@ -35,6 +35,7 @@ from handtrack.toml_file import read_toml
 #: What is typed (one or two words) -> ``module:Class``.
 COMMANDS: dict[str, str] = {
     "bench": "synth.commands:Bench",
+    "bench samples": "synth.commands:BenchSamples",
     "calibrate hand": "calib.commands:CalibrateHand",
     "demo": "synth.commands:Demo",
     "run": "handtrack.run:RunSettings",

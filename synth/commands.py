@@ -6,14 +6,16 @@ renders, so that it need not know this package.
 
 import json
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import tyro
 from tqdm import tqdm
 
+from handtrack.bench.comparison import compare
 from handtrack.bench.metrics import score
+from handtrack.bench.plots import plot_comparison
 from handtrack.bench.suite import (
     Result,
     Trial,
@@ -23,9 +25,11 @@ from handtrack.bench.suite import (
     summarise,
     trials,
 )
-from handtrack.bench.table import MAIN, as_text, paper_table
+from handtrack.bench.table import MAIN, as_text, paper_table, samples_table
 from handtrack.bench.tracks import read_track, read_truth
 from handtrack.errors import InputError, OutputError
+from handtrack.hand.space import default as default_space
+from handtrack.hand.surface import Capsules, Cardboard
 from handtrack.run import RunSettings, run_clip
 from synth.cache import ClipCache
 from synth.clip import write_clip
@@ -109,13 +113,8 @@ class Bench:
         print(as_text(summary, MAIN))
         print()
         print(paper_table(summary))
-        path = self.out / "bench.json"
-        try:
-            self.out.mkdir(parents=True, exist_ok=True)
-            path.write_text(json.dumps(as_document(results), indent=1) + "\n", encoding="utf-8")
-        except OSError as error:
-            raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
-        print(f"\nthe same as numbers: {path}")
+        _write_json(self.out / "bench.json", as_document(results))
+        print(f"\nthe same as numbers: {self.out / 'bench.json'}")
         return 0
 
     def _own(self) -> list[Result]:
@@ -135,6 +134,52 @@ class Bench:
         truth = read_truth(self.truth)
         scores = score(read_track(self.keypoints, len(truth)), truth)
         return Result(Trial(self.truth.parent.name, 0, self.keypoints.stem), scores)
+
+
+@dataclass(frozen=True)
+class BenchSamples:
+    """Compare the paper's three schemes: error and time against the number of samples.
+
+    Random search, CONDENSATION and importance sampling along the lines, on the same frames and
+    the same likelihood, with the true palm pose and hand; and the default method beside them.
+    Writes samples.json and samples.png.
+    """
+
+    condition: str = "paper"
+    """The ready scene."""
+    counts: tuple[int, ...] = (10, 30, 100, 300, 1000, 3000, 5000)
+    """Numbers of samples."""
+    seeds: int = 3
+    """Runs of each."""
+    frames: int = 100
+    """Frames of the clip that are used."""
+    out: Path = Path("bench")
+    """Folder for the results."""
+    clips: Path | None = None
+    """Folder where rendered clips are kept; default: clips in the folder for the results."""
+    quiet: bool = False
+    """No progress bar."""
+
+    def __call__(self) -> int:
+        """Run, print the table, draw the figure; the exit code is 0."""
+        clip = ClipCache(self.clips or self.out / "clips")(self.condition, 0)
+        flat = Scene.named(self.condition).surface == "cardboard"
+        runs = compare(
+            clip,
+            Cardboard if flat else Capsules,
+            self.counts,
+            self.seeds,
+            self.frames,
+            default_space(),
+        )
+        total = self.seeds * (3 * len(self.counts) + 1)
+        hidden = self.quiet or not sys.stderr.isatty()
+        outcomes = list(tqdm(runs, total=total, unit="run", disable=hidden))
+        print(samples_table(outcomes))
+        _write_json(self.out / "samples.json", [asdict(o) for o in outcomes])
+        plot_comparison(outcomes, self.out / "samples.png")
+        print(f"\nthe figure: {self.out / 'samples.png'}")
+        return 0
 
 
 @dataclass(frozen=True)
@@ -174,6 +219,14 @@ class Demo:
             if (found / file).exists():
                 print(f"  {found / file}: {what}")
         return report.exit_code
+
+
+def _write_json(path: Path, document: Any) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
 
 
 _WHERE_TO_LOOK = {

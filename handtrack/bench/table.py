@@ -7,9 +7,12 @@ condition  method   bend
 clean      refined  5.00
 """
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from statistics import median
 from typing import Any
 
+from handtrack.bench.comparison import Outcome
 from handtrack.bench.metrics import PAPER_ROWS
 
 #: Scores of the main table and their headings.
@@ -62,6 +65,20 @@ def paper_table(summary: Sequence[Mapping[str, Any]]) -> str:
         for row in summary
     ]
     return aligned([head, theirs, *body])
+
+
+def samples_table(outcomes: Sequence[Outcome]) -> str:
+    """Schemes by number of samples: bend error, its range over the seeds, and time."""
+    groups: dict[tuple[str, int], list[Outcome]] = defaultdict(list)
+    for outcome in outcomes:
+        groups[outcome.scheme, outcome.samples].append(outcome)
+    rows = [["scheme", "samples", "bend deg", "low", "high", "PIP deg", "ms/frame"]]
+    for (scheme, samples), group in groups.items():
+        bend = [o.bend_deg for o in group]
+        numbers = [median(bend), min(bend), max(bend)]
+        numbers += [median(o.pip_deg for o in group), median(o.ms for o in group)]
+        rows.append([scheme, str(samples or "-"), *(f"{x:.2f}" for x in numbers)])
+    return aligned(rows)
 
 
 def method_of(row: Mapping[str, Any]) -> str:
