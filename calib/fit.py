@@ -20,14 +20,14 @@ from handtrack.records import Pose, freeze_arrays
 Array = NDArray[np.float64]
 
 #: How far along the proximal bone the web between two fingers reaches (index-middle, ...).
-WEB_SHARE = np.array([0.51, 0.56, 0.54])
+WEB_SHARE = np.array([0.52, 0.58, 0.57])
 #: The neck of the outline in the palm frame, mm: a little up the forearm.
-NECK_MM = np.array([0.0, -5.0, 0.0])
+NECK_MM = np.array([0.0, -6.0, 0.0])
 #: Spacing of outline samples, and sigmas, in palm radii.
 SPACING_R = 0.09
 SIGMA_OUTLINE_R = 0.02
 SIGMA_TIP_R = 0.04
-SIGMA_VALLEY_R = 0.05
+SIGMA_VALLEY_R = np.array([0.05, 0.05, 0.08])  # the little finger's web varies most
 SIGMA_WRIST_R = (0.08, 0.12)  # across the forearm, along it
 UNSEEN_WRIST = 2.5  # times less sure where no neck was found
 #: Centre of the palm disc to the wrist, over wrist to middle MCP (for the first guess of scale).
@@ -107,7 +107,7 @@ def residuals(z: Array, target: Target, start: Pose) -> Array:
     share = (WEB_SHARE + hands.web_share[:, None])[..., None]
     near = web[0][:, :-1] + share * web[1][:, :-1]
     far = web[0][:, 1:] + share * web[1][:, 1:]
-    valleys = (target.project((near + far) / 2) - target.valleys_px) / (SIGMA_VALLEY_R * r)
+    valleys = (target.project((near + far) / 2) - target.valleys_px) / (SIGMA_VALLEY_R[:, None] * r)
     neck = _in_camera(np.broadcast_to(NECK_MM, (n, 1, 1, 3)), hands, start)[:, 0, 0]
     wrist = (target.project(neck) - target.wrist_px) @ target.wrist_weight.T
     return np.concatenate(

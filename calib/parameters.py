@@ -5,7 +5,7 @@ the prior is simply ``|z|^2`` and a ``z`` of 3 is a surprise. Unknowns and their
 
 - pose: turn about the line of sight and shift (free), tilt 1 deg (one frontal picture cannot tell
   it), log of the depth (free: it carries the scale, because the palm keeps its length);
-- lengths: a factor common to all digits 8 %, one per digit 6 % (10 % together; 13 % for the
+- lengths: a factor common to all digits 6 %, one per digit 6 % (8 % together; 12 % for the
   thumb), shares of the bones 3 %;
 - joint centres 3 mm (the middle one defines the frame), the thumb's 4 mm;
 - where the webs end, 5 % of the proximal bones, the same for all;
@@ -39,7 +39,7 @@ _BLOCKS: tuple[tuple[str, tuple[int, ...], tuple[float, ...] | float], ...] = (
     ("turn", (3,), (1 * _DEG, 1 * _DEG, 60 * _DEG)),  # camera axes x, y, z
     ("shift_mm", (2,), 100.0),
     ("log_depth", (), 0.5),
-    ("log_length_all", (), 0.08),
+    ("log_length_all", (), 0.06),
     ("log_length", (5,), (0.10, 0.06, 0.06, 0.06, 0.06)),
     ("share", (5, 2), 0.03),
     ("base_mm", (5, 2), (4.0, 4.0, 3.0, 3.0, 0.01, 0.01, 3.0, 3.0, 3.0, 3.0)),
