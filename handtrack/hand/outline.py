@@ -23,7 +23,7 @@ from handtrack.records import Pose
 Array = NDArray[np.float64]
 
 #: Longer side of the raster in which the patches are united.
-RASTER_PX = 480
+RASTER_PX = 360
 _MIRROR = np.array([-1.0, 1.0, 1.0])
 _SUBPIXEL_BITS = 4
 

@@ -33,7 +33,12 @@ N_WAITING = 4
 #: Sound that goes into an MP4 file as it is.
 COPIED_SOUND = frozenset({"aac", "mp3", "ac3", "eac3", "opus", "alac", "flac"})
 #: x264: quick, visually clean, no frame waits for a later one.
-ENCODER_OPTIONS = {"preset": "veryfast", "crf": "21", "bf": "0"}
+ENCODER_OPTIONS = {
+    "preset": "veryfast",
+    "crf": "21",
+    "bf": "0",
+    "x264-params": "ref=1:me=dia:subme=1",
+}
 
 
 @dataclass(frozen=True)
