@@ -20,8 +20,8 @@ Every part is a :class:`~handtrack.fingers.densities.Density`, so ``g(X)`` is ex
 (7)'s compensation ``f(X) / g(X)`` is at most ``1 / walk``, the share of the second part.
 
 >>> import numpy as np
->>> from handtrack.hand.space import ConfigurationSpace
->>> dynamics = Dynamics.about(ConfigurationSpace.default())
+>>> from handtrack.hand import space
+>>> dynamics = Dynamics.about(space.default())
 >>> X = dynamics.M0().sample(np.random.default_rng(0), 100)
 >>> X.shape == (100, dynamics.sigma.size)
 True

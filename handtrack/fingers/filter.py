@@ -16,8 +16,9 @@ from layer to layer, to ``limit`` if the layers suffice (a sequential Monte Carl
 
 >>> import numpy as np
 >>> from handtrack.fingers.dynamics import Dynamics
->>> from handtrack.hand.space import ConfigurationSpace
->>> filter = ParticleFilter(Dynamics.about(ConfigurationSpace.default()), FilterSettings(layers=4))
+>>> from handtrack.hand import space
+>>> settings = FilterSettings(particles=200, layers=8, ess_share=0.25)
+>>> filter = ParticleFilter(Dynamics.about(space.default()), settings)
 >>> there = filter.dynamics.space.basis_X[3]
 >>> rng = np.random.default_rng(0)
 >>> posterior = filter.step(rng, lambda X: -50 * np.sum((X - there) ** 2, axis=1))
@@ -128,8 +129,9 @@ class FilterSettings:
 
     particles: int = 100
     """Particles of a layer."""
-    ess_share: float = 0.3
-    """Share of the effective sample size that a layer keeps; 0 lets the likelihood in at once."""
+    ess_share: float = 0.05
+    """Share of the effective sample size that a layer keeps; 0 lets the likelihood in at once.
+    One layer wants little, or the mean lags behind the hand; several want a quarter."""
     layers: int = 1
     """Most layers of annealing; 1 is a single importance sampling step, tempered."""
     limit: float = 1.0
@@ -253,8 +255,10 @@ class ParticleFilter:
         i = resample(rng, W, n, self.settings.resampling)
         X, log_f, logG = cloud.X[i], cloud.log_f[i], cloud.logG[i]
         for _ in range(self.settings.moves):
-            # the particles' own covariance, times the 2.38^2 / k that is best for a Gaussian
-            Y = X + 2.38 / np.sqrt(k) * rng.standard_normal((n, k)) @ root.T
+            # the particles' covariance, times the 2.38^2 / k that is best for a Gaussian, and less
+            # than that, as theirs may be several clusters
+            reach = 2.38 / np.sqrt(k) * rng.uniform(0.1, 1.0, (n, 1))
+            Y = X + reach * rng.standard_normal((n, k)) @ root.T
             log_fY, logGY = f.log_density(Y), _checked(log_likelihood(Y))
             gain = log_fY - log_f + power(logGY, cloud.exponent) - power(logG, cloud.exponent)
             accept = np.log(rng.random(n)) < gain

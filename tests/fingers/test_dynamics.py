@@ -9,6 +9,7 @@ from scipy.stats import norm
 from handtrack.errors import InputError
 from handtrack.fingers.densities import GaussianMixture
 from handtrack.fingers.dynamics import Dynamics, Shares
+from handtrack.hand import space
 
 SIGMA = np.array([0.2, 0.3])
 OFF = np.array([0.05, 0.05])
@@ -75,6 +76,21 @@ def test_at_a_basis_state_all_its_lines_are_equally_likely():
         left = norm.sf(3 * OFF[0], scale=np.hypot(DYNAMICS.line_sigma * length, OFF[0]))
         assert np.mean(on & ~off) == pytest.approx(0.5 * 2 * left, abs=0.02)
     assert np.mean(on_first | on_second) > 0.99
+
+
+def test_in_the_real_space_27_lines_leave_a_basis_state():
+    real = space.default()
+    n = len(real.basis_X)
+    dynamics = Dynamics.about(real)
+    between = 0.7 * real.basis_X[3] + 0.3 * real.basis_X[8]
+    lines = dynamics.lines(np.stack([real.basis_X[5], between]), np.array([0.6, 0.4]))
+    assert len(lines.means) == 1 + (n - 1)
+    assert np.allclose(lines.weights[1:], 0.6 / (n - 1))
+    ends = real.basis_X[5] + lines.stretch[1:] / dynamics.line_sigma
+    others = np.delete(real.basis_X, 5, axis=0)
+    assert np.allclose(ends, others)
+    X = dynamics.importance(real.basis_X[5:6], np.ones(1)).sample(np.random.default_rng(0), 400)
+    assert np.median(real.nearest_line(X)[3]) < 2 * np.linalg.norm(dynamics.off_sigma)
 
 
 def test_weights_of_lines_are_those_of_the_particles():
