@@ -1,5 +1,6 @@
 # make test   everything that CI checks, in an environment of its own (.venv)
 # make lint   the quick part of it
+# make ratchet  accuracy on a reduced benchmark against tests/baseline.json (about 3 minutes)
 # make demo   make a clip, follow the hand in it, say how far off the result is
 # make clean  forget the environment and the caches
 
@@ -8,10 +9,13 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
 
-.PHONY: test lint format demo clean
+.PHONY: test ratchet lint format demo clean
 
 test: lint
-	$(BIN)/python -m pytest --cov --cov-report=term:skip-covered --durations=10
+	$(BIN)/python -m pytest -m 'not ratchet' --cov --cov-report=term:skip-covered --durations=10
+
+ratchet: $(STAMP)
+	$(BIN)/python -m pytest -m ratchet --no-cov tests/bench
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

@@ -16,6 +16,7 @@ from tqdm import tqdm
 from handtrack.bench.comparison import compare
 from handtrack.bench.metrics import score
 from handtrack.bench.plots import plot_comparison
+from handtrack.bench.ratchet import read_baseline, worsened, write_baseline
 from handtrack.bench.suite import (
     Result,
     Trial,
@@ -103,11 +104,15 @@ class Bench:
     """Another tracker's keypoints (CSV, columns as handtrack's keypoints.csv)."""
     truth: Path | None = None
     """The truth.npz that --keypoints is scored against."""
+    baseline: Path | None = None
+    """A baseline to compare with; exit code 1 if something got worse."""
+    accept: bool = False
+    """Make this run the baseline."""
     quiet: bool = False
     """No progress bar."""
 
     def __call__(self) -> int:
-        """Run, print the tables, write bench.json; the exit code is 0."""
+        """Run, print the tables, write bench.json; 0, or 1 if worse than the baseline."""
         results = [self._foreign()] if self.keypoints else self._own()
         summary = summarise(results)
         print(as_text(summary, MAIN))
@@ -115,7 +120,17 @@ class Bench:
         print(paper_table(summary))
         _write_json(self.out / "bench.json", as_document(results))
         print(f"\nthe same as numbers: {self.out / 'bench.json'}")
-        return 0
+        return self._held_against_baseline(summary)
+
+    def _held_against_baseline(self, summary: list[dict[str, Any]]) -> int:
+        if self.baseline is None:
+            return 0
+        if self.accept:
+            write_baseline(summary, self.baseline)
+            return 0
+        complaints = worsened(summary, read_baseline(self.baseline))
+        print("\n".join(complaints) or f"nothing is worse than in {self.baseline}")
+        return 1 if complaints else 0
 
     def _own(self) -> list[Result]:
         todo = trials(
