@@ -154,6 +154,7 @@ class RunReport:
 def make_tracker(settings: RunSettings, camera: Camera, shape: HandShape | None) -> TrackerLike:
     """The tracker that the settings ask for."""
     from calib.hand import calibrate_hand
+    from handtrack.hand.space import default
     from handtrack.tracker import Tracker, TrackerSettings
 
     chosen = TrackerSettings(
@@ -163,7 +164,7 @@ def make_tracker(settings: RunSettings, camera: Camera, shape: HandShape | None)
         particles=settings.particles,
         seed=settings.seed,
     )
-    return Tracker(chosen, camera, shape, calibrate=None if shape else calibrate_hand)
+    return Tracker(chosen, camera, shape, default(), None if shape else calibrate_hand)
 
 
 def run_clip(settings: RunSettings, make: MakeTracker = make_tracker) -> RunReport:
