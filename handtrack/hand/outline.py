@@ -69,5 +69,11 @@ def _united(corners: Array) -> list[Array]:
     fixed = np.round((corners - low) * scale * (1 << _SUBPIXEL_BITS)).astype(np.int32)
     for polygon in fixed:
         cv2.fillConvexPoly(raster, polygon, 1, cv2.LINE_8, _SUBPIXEL_BITS)
-    traced, _ = cv2.findContours(raster, cv2.RETR_LIST, cv2.CHAIN_APPROX_TC89_L1)
-    return [line[:, 0, :] / scale + low for line in traced if len(line) > 2]
+    traced, _ = cv2.findContours(raster, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+    return [_without_stairs(line[:, 0, :]) / scale + low for line in traced if len(line) > 8]
+
+
+def _without_stairs(line: NDArray[np.int32]) -> Array:
+    """Every second point of a traced line, after the mean over seven neighbours."""
+    around = np.concatenate([line[-3:], line, line[:3]]).astype(float)
+    return np.mean([around[k : k + len(line)] for k in range(7)], axis=0)[::2]
