@@ -56,13 +56,21 @@ def read_bvh(path: str | Path) -> Motion:
         of values than the skeleton has channels; the message names the line.
     """
     try:
-        return parse_bvh(Path(path).read_text(encoding="utf-8-sig"))
+        content = Path(path).read_bytes()
     except OSError as error:
         raise InputError(f"{path}: cannot read the file ({error.strerror})") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not a BVH file (it is not text)") from error
+    try:
+        return parse_bvh(_decoded(content))
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
+
+
+def _decoded(content: bytes) -> str:
+    """Text of a file: UTF-8, or else Latin-1, in which old files name their joints."""
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("latin-1")
 
 
 def write_bvh(motion: Motion, path: str | Path) -> None:

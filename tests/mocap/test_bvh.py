@@ -147,6 +147,19 @@ def test_damage_is_named(damage, says, tmp_path: Path) -> None:  # type: ignore[
     assert "\n" not in str(caught.value)
 
 
+def test_old_and_foreign_text_is_read(tmp_path: Path) -> None:
+    for name, content in (
+        ("latin.bvh", TWO_JOINTS.replace("hinge", "Gelänk").encode("latin-1")),
+        ("bom.bvh", b"\xef\xbb\xbf" + TWO_JOINTS.replace("hinge", "Gelänk").encode()),
+        ("dos.bvh", TWO_JOINTS.replace("hinge", "Gelänk").replace("\n", "\r\n").encode()),
+        ("tabs.bvh", TWO_JOINTS.replace("hinge", "Gelänk").replace(": ", ":\t").encode()),
+    ):
+        (tmp_path / name).write_bytes(content)
+        motion = read_bvh(tmp_path / name)
+        assert motion.names == ("hand root", "Gelänk")
+        assert motion.values[2, 6] == -45.125
+
+
 def test_missing_binary_and_folder(tmp_path: Path) -> None:
     (tmp_path / "video.bvh").write_bytes(b"\x00\xff\xfe\x80" * 10)
     for name in ("absent.bvh", "video.bvh", "."):
