@@ -5,10 +5,11 @@
 """
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import av
 import cv2
@@ -108,15 +109,23 @@ def frames(scene: Scene, actor: Actor) -> Iterator[tuple[NDArray[np.uint8], NDAr
     motion_rng, scenery_rng, noise_rng = _streams(scene)
     film = motion.film(motion_rng, scene.fps, look.subframes, look.shutter)
     behind = background(look.background, scene.width_px, scene.height_px, scenery_rng)
+    behind = behind.astype(np.float32)
     for first in range(0, motion.frames * look.subframes, look.subframes):
         layers = [
             actor.draw(film.theta[i], film.R[i], film.t_mm[i], film.wrist[i])
             for i in range(first, first + look.subframes)
         ]
-        rgba = np.mean([layer.rgba for layer in layers], axis=0)
-        image = rgba[..., :3] + behind * (1.0 - rgba[..., 3:] / 255.0)
-        mask = np.mean([layer.skin for layer in layers], axis=0) >= 0.5
+        rgba = _average([layer.rgba for layer in layers])
+        image = rgba[..., :3] + behind * (1.0 - rgba[..., 3:] / np.float32(255))
+        mask = _average([layer.skin for layer in layers]) >= 0.5
         yield _sense(image, look.lens_blur_px, look.noise, noise_rng), mask
+
+
+def _average(images: Sequence[NDArray[Any]]) -> NDArray[np.float32]:
+    total = images[0].astype(np.float32)
+    for image in images[1:]:
+        total += image
+    return total / np.float32(len(images)) if len(images) > 1 else total
 
 
 def _streams(scene: Scene) -> list[np.random.Generator]:
@@ -125,15 +134,16 @@ def _streams(scene: Scene) -> list[np.random.Generator]:
 
 
 def _sense(
-    light: Array, blur_px: float, noise: float, rng: np.random.Generator
+    image: NDArray[np.float32], blur_px: float, noise: float, rng: np.random.Generator
 ) -> NDArray[np.uint8]:
     """What the sensor makes of the light: blur, noise that grows with brightness, 8 bits."""
-    image = light.astype(np.float32)
     if blur_px > 0:
         image = np.asarray(cv2.GaussianBlur(image, (0, 0), blur_px), np.float32)
-    grain = rng.standard_normal(image.shape, dtype=np.float32)
-    image += grain * (noise * np.sqrt(0.25 + 0.75 * np.clip(image, 0, 255) / 255))
-    return np.clip(image + 0.5, 0, 255).astype(np.uint8)
+    if noise > 0:
+        strength = np.sqrt(image * np.float32(0.75 / 255) + np.float32(0.25))
+        strength *= rng.standard_normal(image.shape, dtype=np.float32)
+        image = image + np.float32(noise) * strength
+    return np.clip(image + np.float32(0.5), 0, 255).astype(np.uint8)
 
 
 def write_clip(scene: Scene, folder: Path, progress: bool = False) -> Truth:

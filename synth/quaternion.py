@@ -9,6 +9,7 @@ half a turn does not jump to the other cover, which would tear the skin that ble
 [0.0, -1.0, 0.0]
 """
 
+import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -59,6 +60,22 @@ def dual(q: ArrayLike, t: ArrayLike) -> Array:
 
 def apply_dual(dq: Array, points: Array) -> Array:
     """Points ``(n, 3)`` moved by dual quaternions ``(n, 8)`` of any norm (blends)."""
-    dq = dq / np.linalg.norm(dq[:, :4], axis=1, keepdims=True)
-    real, imaginary = dq[:, :4], dq[:, 4:]
-    return rotate(real, points) + 2.0 * multiply(imaginary, conjugate(real))[:, 1:]
+    moved = np.empty((len(points), 3))
+    _apply_dual(np.ascontiguousarray(dq), np.ascontiguousarray(points), moved)
+    return moved
+
+
+@numba.njit(cache=True)
+def _apply_dual(dq, points, moved):  # type: ignore[no-untyped-def]
+    """With ``q = (w, v)`` and ``e`` its dual part, ``p + 2 v x (v x p + w p) + 2 vec(e q*)``."""
+    for i in range(points.shape[0]):
+        norm = np.sqrt(dq[i, 0] ** 2 + dq[i, 1] ** 2 + dq[i, 2] ** 2 + dq[i, 3] ** 2)
+        w, x, y, z = dq[i, 0] / norm, dq[i, 1] / norm, dq[i, 2] / norm, dq[i, 3] / norm
+        ew, ex, ey, ez = dq[i, 4] / norm, dq[i, 5] / norm, dq[i, 6] / norm, dq[i, 7] / norm
+        px, py, pz = points[i, 0], points[i, 1], points[i, 2]
+        ux, uy, uz = y * pz - z * py + w * px, z * px - x * pz + w * py, x * py - y * px + w * pz
+        tx, ty, tz = w * ex - ew * x, w * ey - ew * y, w * ez - ew * z
+        tx, ty, tz = tx + y * ez - z * ey, ty + z * ex - x * ez, tz + x * ey - y * ex
+        moved[i, 0] = px + 2.0 * (y * uz - z * uy + tx)
+        moved[i, 1] = py + 2.0 * (z * ux - x * uz + ty)
+        moved[i, 2] = pz + 2.0 * (x * uy - y * ux + tz)
