@@ -5,28 +5,22 @@ runs ahead in one thread and the overlay is drawn and encoded in another; nothin
 and the timings is kept, so memory does not grow with the length of the clip.
 """
 
-import resource
 import sys
 import time
-from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Annotated, Any, Literal, Protocol
+from typing import Annotated, Literal
 
 import numpy as np
 import tyro
 from tqdm import tqdm
 
+from handtrack.account import RunReport, TrackerLike, record_of
 from handtrack.camera import Camera
-from handtrack.errors import (
-    EXIT_INTERRUPTED,
-    EXIT_SOME_UNDECODABLE,
-    InputError,
-    NothingUsableError,
-)
+from handtrack.errors import InputError
 from handtrack.evidence.orientation import Image
 from handtrack.evidence.video import Limits, VideoInfo, probe, read_frames
 from handtrack.hand.outline import outline_px
@@ -34,24 +28,13 @@ from handtrack.hand.shape import HandShape
 from handtrack.hand.surface import Capsules
 from handtrack.output.drawing import draw_result
 from handtrack.output.folder import RunFolder
-from handtrack.output.provenance import Counts, main_side, medians_ms, versions
+from handtrack.output.provenance import Counts
 from handtrack.records import Frame, FrameResult, Pose, Status
+from handtrack.stages import stage_picture, write_picture
 from handtrack.stop import StopAsked, stop_signals
 
-
-class TrackerLike(Protocol):
-    """What the loop needs of a tracker."""
-
-    timings_ms: dict[str, list[float]]
-
-    @property
-    def shape(self) -> HandShape:
-        """The hand that is tracked, as far as it is known by now."""
-        ...
-
-    def step(self, frame: Frame) -> FrameResult:
-        """What is known of the hand in this frame."""
-        ...
+#: Pictures for --debug are made of every so many frames.
+EVERY_DEBUG_FRAME = 25
 
 
 @dataclass(frozen=True)
@@ -119,36 +102,8 @@ class RunSettings:
             raise InputError(f"--particles {self.particles}: at least one is needed")
 
 
+#: Makes the tracker for the settings, the camera and the hand, if one is given.
 MakeTracker = Callable[[RunSettings, Camera, HandShape | None], TrackerLike]
-
-
-@dataclass
-class RunReport:
-    """What came of a run."""
-
-    clip: Path
-    out: Path
-    counts: Counts
-    state: str = "complete"
-    sides: Counter[str] = field(default_factory=Counter)
-    timings_ms: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
-
-    @property
-    def exit_code(self) -> int:
-        """Zero only if everything the container promises was decoded and a hand was seen."""
-        if self.state == "interrupted":
-            return EXIT_INTERRUPTED
-        if not self.counts.tracked:
-            return NothingUsableError.exit_code
-        return 0 if self.counts.complete else EXIT_SOME_UNDECODABLE
-
-    @property
-    def last_line(self) -> str:
-        """Counts, and where the results are."""
-        remark = "interrupted; " if self.state == "interrupted" else ""
-        if not self.counts.tracked:
-            remark += "no hand was found; "
-        return f"{self.clip}: {remark}{self.counts.sentence}; results in {self.out}"
 
 
 def make_tracker(settings: RunSettings, camera: Camera, shape: HandShape | None) -> TrackerLike:
@@ -200,7 +155,7 @@ def run_clip(settings: RunSettings, make: MakeTracker = make_tracker) -> RunRepo
     finally:
         if report.counts.decoded or report.state == "complete":
             elapsed_s = time.perf_counter() - begin
-            record = _record(settings, info, camera, tracker, report, elapsed_s)
+            record = record_of(settings, info, camera, tracker, report, elapsed_s)
             folder.finish(record, _files_for_the_next_run(tracker, camera))
         else:
             folder.discard()
@@ -225,6 +180,9 @@ def _track(
             report.counts.add(result.status)
             report.sides[result.side] += 1
             folder.add(result, partial(_drawn, frame, result, tracker.shape, camera))
+            if settings.debug is not None and _is_chosen(settings, frame):
+                picture = _stages(frame, result, tracker, camera)
+                write_picture(settings.debug / f"frame_{frame.index:06d}.png", picture)
             report.timings_ms["track"].append(1e3 * (tracked - begin))
             report.timings_ms["hand over"].append(1e3 * (time.perf_counter() - tracked))
             bar.update()
@@ -239,6 +197,19 @@ def _result(frame: Frame, settings: RunSettings, tracker: TrackerLike) -> FrameR
     if frame.index < settings.start_frame:
         return FrameResult.unknown(frame.index, frame.time_s)
     return tracker.step(frame)
+
+
+def _is_chosen(settings: RunSettings, frame: Frame) -> bool:
+    """Whether pictures of this frame's stages are wanted."""
+    if settings.debug_frames:
+        return frame.index in settings.debug_frames
+    return frame.index % EVERY_DEBUG_FRAME == 0
+
+
+def _stages(frame: Frame, result: FrameResult, tracker: TrackerLike, camera: Camera) -> Image:
+    """The picture of a frame's stages."""
+    evidence = getattr(tracker, "last_evidence", None) if result.side else None
+    return stage_picture(evidence, _drawn(frame, result, tracker.shape, camera))
 
 
 def _drawn(frame: Frame, result: FrameResult, shape: HandShape, camera: Camera) -> Image:
@@ -275,55 +246,6 @@ def _files_for_the_next_run(
     """The hand and the camera that were used, as files that ``--hand`` and ``--camera`` take."""
     source = "assumed" if camera.assumed else "given"
     return {"hand.toml": tracker.shape.save, "camera.toml": partial(camera.save, source=source)}
-
-
-def _record(
-    settings: RunSettings,
-    info: VideoInfo,
-    camera: Camera,
-    tracker: TrackerLike,
-    report: RunReport,
-    elapsed_s: float,
-) -> dict[str, Any]:
-    """What ``run.json`` says."""
-    n = report.counts.decoded + report.counts.undecodable
-    space = getattr(tracker, "space", None)
-    return {
-        "state": report.state,
-        "exit_code": report.exit_code,
-        "clip": {
-            "name": info.path.name,
-            "width_px": info.width_px,
-            "height_px": info.height_px,
-            "stored_width_px": info.stored_width_px,
-            "stored_height_px": info.stored_height_px,
-            "sample_aspect_ratio": info.sample_aspect_ratio,
-            "rotation_applied_clockwise_deg": info.orientation.clockwise_deg,
-            "mirror_applied": info.orientation.mirrored,
-            "rate_hz": info.rate_hz,
-            "duration_s": info.duration_s,
-            "codec": info.codec,
-            "pixel_format": info.pixel_format,
-        },
-        "counts": report.counts,
-        "side": main_side(report.sides),
-        "hand": {"calibrated": tracker.shape.calibrated, "source": tracker.shape.source},
-        "camera": camera,
-        "camera_assumed": camera.assumed,
-        "dropped_basis_states": getattr(space, "dropped", None),
-        "settings": settings,
-        "seed": settings.seed,
-        "versions": versions(),
-        "frames_per_second": round(n / elapsed_s, 2),
-        "peak_memory_mb": _peak_memory_mb(),
-        "timings_ms": medians_ms(report.timings_ms | dict(tracker.timings_ms)),
-    }
-
-
-def _peak_memory_mb() -> float:
-    """Largest resident size of this process so far."""
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return round(peak / (2**20 if sys.platform == "darwin" else 2**10), 1)
 
 
 def _timed(frames: Iterator[Frame], into: list[float]) -> Iterator[Frame]:

@@ -362,3 +362,14 @@ def test_bad_clip_is_one_line_and_leaves_nothing(name, content, tmp_path, monkey
     assert out == ""
     assert err.count("\n") == 1
     assert listing(tmp_path) == ([name] if content is not None else [])
+
+
+def test_debug_pictures_of_chosen_frames(tmp_path, write_clip):
+    clip, pictures = write_clip(tmp_path / "a.mp4", n=30), tmp_path / "Bilder" / "debug"
+    run(clip, tmp_path / "out", debug=pictures)
+    assert listing(pictures) == ["frame_000000.png", "frame_000025.png"]
+    run(clip, tmp_path / "out", debug=tmp_path / "some", debug_frames=(3,))
+    assert listing(tmp_path / "some") == ["frame_000003.png"]
+    assert (tmp_path / "some" / "frame_000003.png").read_bytes()[:4] == b"\x89PNG"
+    with pytest.raises(OutputError, match=r"frame_000000\.png: cannot be written"):
+        run(clip, tmp_path / "out", debug=clip)

@@ -12,6 +12,8 @@ hand is drawn as what it is tracked as, the mirror image of a right one.
 True
 """
 
+from typing import Any
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -73,7 +75,7 @@ def _united(corners: Array) -> list[Array]:
     return [_without_stairs(line[:, 0, :]) / scale + low for line in traced if len(line) > 8]
 
 
-def _without_stairs(line: NDArray[np.int32]) -> Array:
+def _without_stairs(line: NDArray[Any]) -> Array:
     """Every second point of a traced line, after the mean over seven neighbours."""
     around = np.concatenate([line[-3:], line, line[:3]]).astype(float)
     return np.mean([around[k : k + len(line)] for k in range(7)], axis=0)[::2]
