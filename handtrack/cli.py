@@ -34,8 +34,10 @@ from handtrack.toml_file import read_toml
 
 #: What is typed (one or two words) -> ``module:Class``.
 COMMANDS: dict[str, str] = {
-    "bench": "synth.commands:Bench",
-    "bench samples": "synth.commands:BenchSamples",
+    "bench": "handtrack.bench.commands:Bench",
+    "bench ablations": "handtrack.bench.commands:BenchAblations",
+    "bench samples": "handtrack.bench.commands:BenchSamples",
+    "bench speed": "handtrack.bench.commands:BenchSpeed",
     "calibrate hand": "calib.commands:CalibrateHand",
     "demo": "synth.commands:Demo",
     "run": "handtrack.run:RunSettings",

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from handtrack.bench.comparison import PUBLISHED, SCHEMES, Outcome
+from handtrack.bench.speed import Timing
 from handtrack.errors import OutputError
 
 _COLOUR = {"random": "#999999", "condensation": "#0072b2", "paper": "#d55e00", "refined": "#009e73"}
@@ -49,10 +50,30 @@ def plot_comparison(outcomes: Sequence[Outcome], path: Path) -> None:
     by_samples.set_ylim(bottom=0)
     by_samples.legend(fontsize=8)
     by_samples.set_title("stars: as many as published", fontsize=9)
-    try:
-        figure.savefig(path, dpi=150)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
+    _save(figure, path)
+
+
+def plot_speed(timings: Sequence[Timing], path: Path) -> None:
+    """Time against hypotheses, and against the side of the window.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.0, 3.6), layout="constrained")
+    by_batch, by_side = figure.subplots(1, 2)
+    for what in dict.fromkeys(t.what for t in timings):
+        rows = [t for t in timings if t.what == what]
+        axes = by_batch if what.startswith("likelihood") else by_side
+        axes.loglog([t.size for t in rows], [t.ms for t in rows], "o-", ms=3, label=what)
+    by_batch.set(xlabel="hypotheses", ylabel="ms")
+    by_side.set(xlabel="side of the window, pixels", ylabel="ms")
+    for axes in (by_batch, by_side):
+        axes.legend(fontsize=8)
+    _save(figure, path)
 
 
 def by_count(outcomes: Sequence[Outcome]) -> dict[int, list[Outcome]]:
@@ -68,3 +89,11 @@ def _refined(by_samples: Any, by_time: Any, outcomes: Sequence[Outcome]) -> None
     ms = float(np.median([o.ms for o in outcomes]))
     by_samples.axhline(error, color=_COLOUR["refined"], ls="--", label=_LABEL["refined"])
     by_time.plot(ms, error, "D", color=_COLOUR["refined"])
+
+
+def _save(figure: Any, path: Path) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(path, dpi=150)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror})") from error

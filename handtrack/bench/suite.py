@@ -1,7 +1,7 @@
 """A benchmark run: conditions x seeds x methods, each a clip that is tracked and scored.
 
-A *trial* is one clip followed by one method. Clips come from a ``render`` function (the command
-line hands in ``synth``'s; nothing here knows how pictures are made), are tracked by the public
+A *trial* is one clip followed by one method. Clips come from a ``render`` function (the commands
+hand in ``synth``'s; nothing here knows how pictures are made), are tracked by the public
 ``handtrack run``, with the camera known and the hand calibrated from the clip, and are scored by
 :mod:`handtrack.bench.metrics`. Of the seeds of a condition, medians and spread are reported.
 """

@@ -81,6 +81,20 @@ def samples_table(outcomes: Sequence[Outcome]) -> str:
     return aligned(rows)
 
 
+def ablation_table(outcomes: Sequence[tuple[str, Outcome]]) -> str:
+    """Variants: bend error, its range over the seeds, PIP error and time."""
+    groups: dict[str, list[Outcome]] = defaultdict(list)
+    for name, outcome in outcomes:
+        groups[name].append(outcome)
+    rows = [["variant", "samples", "bend deg", "low", "high", "PIP deg", "ms/frame"]]
+    for name, group in groups.items():
+        bend = [o.bend_deg for o in group]
+        numbers = [median(bend), min(bend), max(bend)]
+        numbers += [median(o.pip_deg for o in group), median(o.ms for o in group)]
+        rows.append([name, str(group[0].samples), *(f"{x:.2f}" for x in numbers)])
+    return aligned(rows)
+
+
 def method_of(row: Mapping[str, Any]) -> str:
     """The method, with its particles if they were chosen."""
     return row["method"] + (f" {row['particles']}" if row.get("particles") else "")

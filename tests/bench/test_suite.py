@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from handtrack.bench import suite
+from handtrack.bench.commands import Bench
 from handtrack.bench.suite import Result, Trial, as_document, run_suite, summarise, trials
 from handtrack.bench.table import MAIN, as_text, paper_table
 from handtrack.errors import InputError
@@ -16,7 +17,7 @@ from handtrack.records import FrameResult, Status
 from handtrack.run import run_clip
 from synth.cache import ClipCache
 from synth.clip import Truth
-from synth.commands import Bench, Synth
+from synth.commands import Synth
 from synth.scene import Scene
 
 
