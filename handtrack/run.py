@@ -12,7 +12,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import tyro
@@ -28,10 +28,11 @@ from handtrack.hand.shape import HandShape
 from handtrack.hand.surface import Capsules
 from handtrack.output.drawing import draw_result
 from handtrack.output.folder import RunFolder
-from handtrack.output.provenance import Counts
+from handtrack.output.provenance import Counts, versions
 from handtrack.records import Frame, FrameResult, Pose, Status
 from handtrack.stages import stage_picture, write_picture
 from handtrack.stop import StopAsked, stop_signals
+from handtrack.trajectory import Trajectory
 
 #: Pictures for --debug are made of every so many frames.
 EVERY_DEBUG_FRAME = 25
@@ -132,12 +133,7 @@ def run_clip(settings: RunSettings, make: MakeTracker = make_tracker) -> RunRepo
     OutputError
         The results cannot be written; what could be is kept.
     """
-    settings.check()
-    limits = Limits(settings.max_megapixels, settings.max_minutes)
-    info = probe(settings.clip, limits)
-    camera = _camera(settings, info)
-    shape = HandShape.load(settings.hand) if settings.hand else None
-    tracker = make(settings, camera, shape)
+    info, limits, camera, tracker = _prepared(settings, make)
     folder = RunFolder(settings.out or Path(f"{settings.clip.stem}.handtrack"))
     report = RunReport(settings.clip, folder.path, Counts(container=info.n_claimed))
     if settings.overlay:
@@ -160,6 +156,48 @@ def run_clip(settings: RunSettings, make: MakeTracker = make_tracker) -> RunRepo
         else:
             folder.discard()
     return report
+
+
+def track(clip: str | Path, make: MakeTracker = make_tracker, **settings: Any) -> Trajectory:
+    """The trajectory of the hand in a clip; nothing is written.
+
+    Parameters
+    ----------
+    clip : str or Path
+        A video file.
+    make : callable, optional
+        Makes another tracker than the settings ask for.
+    **settings
+        Fields of :class:`RunSettings`; those about outputs do nothing here.
+
+    Raises
+    ------
+    InputError
+        The clip, the hand, the camera or a setting cannot be used.
+    """
+    chosen = RunSettings(Path(clip), **settings)
+    info, limits, camera, tracker = _prepared(chosen, make)
+    with closing(read_frames(chosen.clip, limits, info)) as frames:
+        results = [_result(frame, chosen, tracker) for frame in frames]
+    provenance = {
+        "clip": info.path.name,
+        "hand_calibrated": tracker.shape.calibrated,
+        "camera_assumed": camera.assumed,
+        "versions": versions(),
+    }
+    return Trajectory.from_results(results, provenance)
+
+
+def _prepared(
+    settings: RunSettings, make: MakeTracker
+) -> tuple[VideoInfo, Limits, Camera, TrackerLike]:
+    """Everything that can be refused before a frame is tracked."""
+    settings.check()
+    limits = Limits(settings.max_megapixels, settings.max_minutes)
+    info = probe(settings.clip, limits)
+    camera = _camera(settings, info)
+    shape = HandShape.load(settings.hand) if settings.hand else None
+    return info, limits, camera, make(settings, camera, shape)
 
 
 def _track(
