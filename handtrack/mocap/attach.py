@@ -6,7 +6,7 @@ digit is straightest: away from the palm (for the thumb, turned half towards its
 of the palm stay where they are in the palm frame. Noise and dropouts come from a seed.
 
 >>> from handtrack.hand.shape import HandShape
->>> from handtrack.output.bvh import hand_motion
+>>> from handtrack.mocap.hand_motion import hand_motion
 >>> motion = hand_motion(np.zeros((1, 20)), np.eye(3)[None], np.zeros((1, 3)), HandShape.default())
 >>> markers = attach(motion, find_mapping(motion), marker_set("full13"))
 >>> markers.n_frames, len(markers.labels)

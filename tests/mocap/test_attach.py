@@ -11,9 +11,9 @@ from handtrack.hand.skeleton import KEYPOINT_NAMES
 from handtrack.mocap.alphabet import key_poses, perform, sequences
 from handtrack.mocap.attach import attach, disturbed, find_mapping, palm_of
 from handtrack.mocap.bvh import Motion
+from handtrack.mocap.hand_motion import hand_motion
 from handtrack.mocap.marker_sets import marker_set
 from handtrack.mocap.markers import Markers
-from handtrack.output.bvh import hand_motion
 
 FULL = marker_set("full13")
 

@@ -9,8 +9,9 @@ from handtrack.hand.kinematics import keypoints_mm
 from handtrack.hand.shape import HandShape
 from handtrack.hand.skeleton import KEYPOINT_NAMES, LIMITS
 from handtrack.mocap.bvh import read_bvh
+from handtrack.mocap.hand_motion import UPRIGHT, hand_motion
 from handtrack.mocap.mapping import read_mapping
-from handtrack.output.bvh import UPRIGHT, hand_motion, write_hand_bvh
+from handtrack.output.bvh import write_hand_bvh
 
 ANGLE_TOLERANCE_DEG = 1e-3
 POINT_TOLERANCE_MM = 1e-9

@@ -1,0 +1,180 @@
+"""The hand-over method: a few markers in, the whole hand out.
+
+Per query frame the markers that are there are regressed to the principal components of the data
+base's joint angles (:mod:`handtrack.mocap.regression`), the trajectories of the components are
+smoothed by the cone filter, and the angles are ``theta = mean + V^T z``. Components that are left
+out stay at zero and add their variance to the stated uncertainty.
+
+>>> from handtrack.mocap.database import build, shipped_clip
+>>> base = build([shipped_clip("girl", seed=0)])
+>>> X = columns(base, base.labels, ("thumb_tip", "index_tip", "little_tip"))
+>>> hand = reconstruct(base, X, X[:40], Handover())
+>>> bool(np.abs(hand.theta[15:25] - base.theta[15:25]).max() < 0.05)
+True
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack.errors import InputError
+from handtrack.mocap import pca
+from handtrack.mocap.database import SAME_RATE, Database
+from handtrack.mocap.markers import Markers
+from handtrack.mocap.regression import Regression, predict
+from handtrack.mocap.root import RootLink, find_root
+from handtrack.mocap.smoothing import TAPS, cone
+from handtrack.records import freeze_arrays
+
+Array = NDArray[np.float64]
+
+#: A root triangle larger or smaller than the data base's by this is a matter of units.
+UNITS_FACTOR = 30.0
+#: ... and by this, of another hand or another placement: refused too.
+SIZE_FACTOR = 2.0
+
+
+@dataclass(frozen=True)
+class Handover:
+    """Settings of a reconstruction; the defaults are the paper's."""
+
+    regression: Regression = field(default_factory=Regression)
+    components: int = 0
+    """Principal components of the angles to reconstruct; 0 is all of them."""
+    taps: int = TAPS
+    """Taps of the cone filter at 120 Hz; 1 does not filter."""
+    window: int = 0
+    """Frames before and after that are regressed on too."""
+    window_step_s: float = 0.05
+    """Time between the frames of the window."""
+
+    def __post_init__(self) -> None:
+        if self.components < 0 or self.taps < 0 or self.window < 0 or self.window_step_s <= 0:
+            raise InputError("components, taps and window must not be negative")
+
+
+@dataclass(frozen=True, eq=False)
+class Reconstruction:
+    """Angles and their deviations ``(F, 20)``, and the components ``(F, K)``; NaN: not known."""
+
+    theta: Array
+    std: Array
+    scores: Array
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self)
+
+
+def reconstruct(
+    base: Database, X_mm: Array, Q_mm: Array, settings: Handover, starts: Sequence[int] = (0,)
+) -> Reconstruction:
+    """The hand of every query frame.
+
+    Parameters
+    ----------
+    base : the data base.
+    X_mm : (N, M, 3) its markers that the query has too (:func:`columns`).
+    Q_mm : (F, M, 3) the query's, in the root's frame, NaN where missing.
+    settings : of the method.
+    starts : rows of the query at which clips begin.
+
+    Raises
+    ------
+    InputError
+        More components are asked for than there are.
+    """
+    space = pca.fit(base.theta)
+    if settings.components > len(space.variance):
+        raise InputError(
+            f"{settings.components} components asked for; the angles have {len(space.variance)}"
+        )
+    K = settings.components or len(space.variance)
+    step = max(round(settings.window_step_s * base.rate_hz), 1)
+    X = windowed(X_mm, base.starts, settings.window, step)
+    Q = windowed(Q_mm, np.asarray(starts), settings.window, step)
+    got = predict(settings.regression, X, space.scores(base.theta)[:, :K], Q)
+    bounds = [*starts, len(Q)]
+    scores = np.concatenate(
+        [cone(got.mean[a:b], base.rate_hz, settings.taps) for a, b in pairwise(bounds)]
+    )
+    V = space.components
+    variance = got.std**2 @ V[:K] ** 2 + space.variance[K:] @ V[K:] ** 2
+    return Reconstruction(space.back(scores), np.sqrt(variance), scores)
+
+
+def windowed(X_mm: Array, starts: NDArray[np.int64], window: int, step: int) -> Array:
+    """Markers ``(F, M, 3)`` with those of the neighbouring frames behind them, within each clip."""
+    if window == 0:
+        return X_mm
+    rows = np.arange(len(X_mm))
+    clip = np.searchsorted(starts, rows, side="right") - 1
+    first, last = starts[clip], np.append(starts[1:], len(X_mm))[clip] - 1
+    shifts = [0, *(s * k * step for k in range(1, window + 1) for s in (-1, 1))]
+    return np.concatenate([X_mm[np.clip(rows + shift, first, last)] for shift in shifts], axis=1)
+
+
+def columns(base: Database, labels: Sequence[str], chosen: Sequence[str]) -> Array:
+    """The chosen markers of the data base, ``(N, len(chosen), 3)``.
+
+    Raises
+    ------
+    InputError
+        A chosen marker is not in ``labels`` or not in the data base; both lists are named.
+    """
+    strangers = [m for m in chosen if m not in base.labels or m not in labels]
+    if strangers or not chosen:
+        raise InputError(
+            f"markers {', '.join(strangers) or 'in common'} are not in both: "
+            f"the query has {', '.join(labels)}; the data base has {', '.join(base.labels)}"
+        )
+    return base.X_mm[:, [base.labels.index(m) for m in chosen]]
+
+
+def check_query(base: Database, query: Markers) -> None:
+    """Refuse a query of another rate, of other units, or without the root.
+
+    Raises
+    ------
+    InputError
+        With the reason and the way out.
+    """
+    lacking = [m for m in base.root if m not in query.labels]
+    if lacking:
+        raise InputError(
+            f"the query lacks the root marker {', '.join(lacking)}; three or more are needed, and "
+            f"the data base has {', '.join(base.root)}; the query has {', '.join(query.labels)}"
+        )
+    if abs(query.rate_hz / base.rate_hz - 1) > SAME_RATE:
+        raise InputError(
+            f"the query has {query.rate_hz:.4g} Hz and the data base {base.rate_hz:.4g} Hz; "
+            "--resample brings the query to the rate of the data base"
+        )
+    ratio = _size(query.select(base.root).positions_mm) / _size(base.reference_mm[None])
+    if not 1 / UNITS_FACTOR < ratio < UNITS_FACTOR:
+        raise InputError(
+            f"the query's root markers are {ratio:.3g} times as far apart as the data base's: "
+            f"is one in metres? (the query's file states {query.unit})"
+        )
+    if not 1 / SIZE_FACTOR < ratio < SIZE_FACTOR:
+        raise InputError(
+            f"the query's root markers are {ratio:.3g} times as far apart as the data base's: "
+            "they are not in the same places on the hand"
+        )
+
+
+def _size(root_mm: Array) -> float:
+    """Median distance of the root markers from their centre."""
+    whole = root_mm[np.isfinite(root_mm).all(axis=(1, 2))]
+    if len(whole) == 0:
+        raise InputError("no frame of the query shows all root markers at once")
+    spread = whole - whole.mean(axis=1, keepdims=True)
+    return float(np.median(np.linalg.norm(spread, axis=-1)))
+
+
+def in_root(base: Database, query: Markers, chosen: Sequence[str]) -> tuple[Array, RootLink]:
+    """The chosen markers of a query ``(F, M, 3)`` in the root's frame, and where the root is."""
+    link = find_root(query.select(base.root).positions_mm, base.reference_mm)
+    return link.to_root(query.select(chosen).positions_mm), link
