@@ -158,18 +158,9 @@ def write_clip(scene: Scene, folder: Path, progress: bool = False) -> Truth:
     """
     scene = scene.settled()
     shape = as_hand_shape(HandSpec.named(scene.hand), scene.surface)
-    masks = []
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot make the folder ({error.strerror})") from error
-    with make_actor(scene) as actor, _Encoder(folder / "clip.mp4", scene) as encoder:
-        hidden = not (progress and sys.stderr.isatty())
-        for image, mask in tqdm(
-            frames(scene, actor), total=scene.motion.frames, unit="frame", disable=hidden
-        ):
-            encoder.add(image)
-            masks.append(np.packbits(mask, axis=-1))
+    with make_actor(scene) as actor:
+        _make(folder)
+        masks = _film(scene, actor, folder / "clip.mp4", progress)
     film = scene.motion.film(_streams(scene)[0], scene.fps)
     truth = truth_of(scene, film, np.array(masks))
     truth.save(folder / "truth.npz")
@@ -177,6 +168,28 @@ def write_clip(scene: Scene, folder: Path, progress: bool = False) -> Truth:
     scene.camera.save(folder / "camera.toml", source="synthetic truth")
     (folder / "scene.toml").write_text(tomli_w.dumps(asdict(scene)), encoding="utf-8")
     return truth
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot make the folder ({error.strerror})") from error
+
+
+def _film(scene: Scene, actor: Actor, path: Path, progress: bool) -> list[NDArray[np.uint8]]:
+    """Write the clip; returns its masks, packed."""
+    masks = []
+    hidden = not (progress and sys.stderr.isatty())
+    with (
+        _Encoder(path, scene) as encoder,
+        tqdm(total=scene.motion.frames, unit="frame", disable=hidden) as bar,
+    ):
+        for image, mask in frames(scene, actor):
+            encoder.add(image)
+            masks.append(np.packbits(mask, axis=-1))
+            bar.update()
+    return masks
 
 
 class _Encoder:

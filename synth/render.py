@@ -35,7 +35,7 @@ def _pyrender() -> Any:
     os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
     try:
         import pyrender
-    except ImportError as error:  # PyOpenGL looks for the libraries when it is imported
+    except (ImportError, AttributeError, OSError) as error:  # PyOpenGL loads libraries here
         raise NoGLError(f"{NO_GL} ({error})") from error
     return pyrender
 
