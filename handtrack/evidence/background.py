@@ -67,6 +67,7 @@ class Background:
         self.variance: Float = np.zeros((0, 0), np.float32)
         self.age: Float = np.zeros((0, 0), np.float32)
         self.frame_width_px = 0
+        self._seen: Float | None = None  # mean and deviation, as through() wants them
 
     @property
     def known(self) -> Mask:
@@ -87,12 +88,14 @@ class Background:
         self._follow_exposure(small, covered)
         if self._camera_moved(small, covered):
             self.age[:] = 0
+        self._seen = None
         update_kernel(small, covered, self.mean, self.variance, self.age, MEMORY_FRAMES)
 
     def forget(self, hand: Mask) -> None:
         """The ``hand`` ``(H, W)`` was standing here: what was learned there is not background."""
         if self.mean.size:
             self.age[self._resized(hand) > 0] = 0
+            self._seen = None
 
     def assume(self, frame_rgb: Pixels, hand: Mask) -> None:
         """Take the smooth backdrop of one frame for known, if the frame has one.
@@ -117,9 +120,13 @@ class Background:
         self.mean[new] = wide[new]
         self.variance[new] = (1.5 * sigma) ** 2
         self.age[new] = KNOWN_FRAMES
+        self._seen = None
 
-    def through(self, window: Window) -> tuple[Float, Float]:
-        """Mean ``(h, w, 3)`` and standard deviation ``(h, w)``, infinite where not known."""
+    def through(self, window: Window) -> Float:
+        """RGB mean and standard deviation ``(h, w, 4)``, the latter 1e6 where not known."""
+        if self._seen is None:
+            sigma = np.where(self.known, np.sqrt(self.variance) + 2.0, 1e6)
+            self._seen = np.dstack([self.mean, sigma.astype(np.float32)])
         s = self.scale
         A = np.array(
             [
@@ -127,13 +134,10 @@ class Background:
                 [0, s / window.scale, (window.y_px + 0.5) * s - 0.5],
             ]
         )
-        size = (window.width_px, window.height_px)
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        mean = cv2.warpAffine(self.mean, A, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
-        sigma = np.where(self.known, np.sqrt(self.variance) + 2.0, np.float32(1e6))
-        sigma = cv2.warpAffine(sigma.astype(np.float32), A, size, flags=flags, borderValue=1e6)
-        sigma = np.where(np.asarray(sigma) > 1e3, np.inf, sigma)
-        return np.asarray(mean, np.float32), np.asarray(sigma, np.float32)
+        size = (window.width_px, window.height_px)
+        outside = (0.0, 0.0, 0.0, 1e6)
+        return np.asarray(cv2.warpAffine(self._seen, A, size, flags=flags, borderValue=outside))
 
     def difference(self, frame_rgb: Pixels) -> Float | None:
         """Distance to the background in standard deviations, at its size; None if unknown."""

@@ -133,10 +133,15 @@ def histogram(
 @numba.njit(cache=True, fastmath=True)
 def bin_position(y, cr, cb):  # type: ignore[no-untyped-def]
     """Continuous bin coordinates of a YCrCb colour."""
-    top = N_BINS - 1.001
-    i = min(max(y * (N_BINS - 1) / 255.0, 0.0), top)
-    j = min(max((cr - 128.0) * 2 * (N_BINS - 1) / 255.0 + (N_BINS - 1) / 2, 0.0), top)
-    k = min(max((cb - 128.0) * 2 * (N_BINS - 1) / 255.0 + (N_BINS - 1) / 2, 0.0), top)
+    top, zero = np.float32(N_BINS - 1.001), np.float32(0)
+    step, middle, grey = (
+        np.float32((N_BINS - 1) / 255),
+        np.float32((N_BINS - 1) / 2),
+        np.float32(128),
+    )
+    i = min(max(np.float32(y) * step, zero), top)
+    j = min(max((np.float32(cr) - grey) * 2 * step + middle, zero), top)
+    k = min(max((np.float32(cb) - grey) * 2 * step + middle, zero), top)
     return i, j, k
 
 
@@ -189,17 +194,16 @@ def densities(table, y, cr, cb):  # type: ignore[no-untyped-def]
     """Interpolated densities of hand and background at a YCrCb colour."""
     i, j, k = bin_position(y, cr, cb)
     i0, j0, k0 = int(i), int(j), int(k)
-    u, v, w = i - i0, j - j0, k - k0
-    f = 0.0
-    b = 0.0
+    u, v, w = i - np.float32(i0), j - np.float32(j0), k - np.float32(k0)
+    f, b, one = np.float32(0), np.float32(0), np.float32(1)
     for di in range(2):
-        wi = u if di else 1 - u
+        wi = u if di else one - u
         for dj in range(2):
-            wj = wi * (v if dj else 1 - v)
-            for dk in range(2):
-                wk = wj * (w if dk else 1 - w)
-                f += wk * table[i0 + di, j0 + dj, k0 + dk, 0]
-                b += wk * table[i0 + di, j0 + dj, k0 + dk, 1]
+            wj = wi * (v if dj else one - v)
+            near, far = wj * (one - w), wj * w
+            cell = table[i0 + di, j0 + dj]
+            f += near * cell[k0, 0] + far * cell[k0 + 1, 0]
+            b += near * cell[k0, 1] + far * cell[k0 + 1, 1]
     return f, b
 
 
@@ -207,5 +211,5 @@ def densities(table, y, cr, cb):  # type: ignore[no-untyped-def]
 def log_odds_kernel(ycc, table, out):  # type: ignore[no-untyped-def]
     """Fill ``out`` ``(n,)`` for ``ycc`` ``(n, 3)``."""
     for n in range(ycc.shape[0]):
-        f, b = densities(table, ycc[n, 0] * 1.0, ycc[n, 1] * 1.0, ycc[n, 2] * 1.0)
+        f, b = densities(table, ycc[n, 0], ycc[n, 1], ycc[n, 2])
         out[n] = np.log(f / b)

@@ -35,6 +35,8 @@ SUPPORT_PX = 1.5
 #: Outlines of parts and holes shorter than this are specks.
 MIN_LENGTH_PX = 16
 MAX_HOLE_PX = 12
+#: Within this distance the signed distance is that of the outline's points, not its pixels.
+NEAR_PX = 12.0
 _NORMAL_ARM = 3  # pixels of chain to either side that define a normal
 
 
@@ -56,26 +58,21 @@ def clean(positive: Mask, seed: Mask | None, min_share: float = 0.02) -> Mask:
     it (a finger cut off by a ring). Without, the largest. Two strokes that touch by a corner stay
     apart (4-connected).
     """
-    n, labels, stats, _ = cv2.connectedComponentsWithStats(
-        positive.astype(np.uint8), connectivity=4
-    )
-    area = stats[:, cv2.CC_STAT_AREA].astype(float)
-    area[0] = 0
-    if n == 1:
+    n, labels = cv2.connectedComponents(positive.view(np.uint8), connectivity=4)
+    area, overlap = np.zeros(n, np.int64), np.zeros(n, np.int64)
+    count_kernel(labels, positive if seed is None else seed, area, overlap)
+    if n == 1 or overlap[1:].max() == 0:
         return np.zeros_like(positive)
-    overlap = area if seed is None else np.bincount(labels[seed], minlength=n).astype(float)
-    overlap[0] = 0
-    if overlap.max() == 0:
-        return np.zeros_like(positive)
-    keep = np.zeros(n, bool)
-    keep[np.argmax(overlap)] = True
-    if seed is not None:
-        keep |= (overlap > 0.6 * np.maximum(area, 1)) & (area > min_share * overlap.max())
-    mask = keep[labels]
-    _, labels, stats, _ = cv2.connectedComponentsWithStats((~mask).astype(np.uint8), connectivity=8)
-    pinhole = stats[:, cv2.CC_STAT_AREA] <= MAX_HOLE_PX
-    pinhole[0] = False
-    return np.asarray(mask | pinhole[labels], bool)
+    keep = (overlap > 0.6 * area) & (area > min_share * overlap[1:].max()) & (seed is not None)
+    keep[1 + np.argmax(overlap[1:])] = True
+    keep[0] = False
+    mask = np.empty(positive.shape, np.uint8)
+    choose_kernel(labels, keep, mask)
+    chains, family = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    for k, chain in enumerate(chains):
+        if family[0, k, 3] >= 0 and len(chain) <= 4 + MAX_HOLE_PX / 2:
+            cv2.drawContours(mask, chains, k, 1, cv2.FILLED)
+    return mask.view(bool)
 
 
 def trace(mask: Mask, log_odds: Float, gradient: Float) -> Outline:
@@ -105,14 +102,32 @@ def signed_distance(mask: Mask, outline: Outline) -> Float:
     canvas = np.ones(mask.shape, np.uint8)
     pixel = np.clip(np.rint(outline.points), 0, np.array(mask.shape[::-1]) - 1).astype(int)
     canvas[pixel[:, 1], pixel[:, 0]] = 0
-    _, labels = cv2.distanceTransformWithLabels(
+    distance, labels = cv2.distanceTransformWithLabels(
         canvas, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
     )
     owner = np.zeros(int(labels.max()) + 1, np.int32)
     owner[labels[pixel[:, 1], pixel[:, 0]]] = np.arange(len(pixel))
     out = np.empty(mask.shape, np.float32)
-    distance_kernel(mask, labels, owner, outline.points, outline.normals, out)
+    distance_kernel(mask, distance, labels, owner, outline.points, outline.normals, out)
     return out
+
+
+@numba.njit(cache=True)
+def count_kernel(labels, seed, area, overlap):  # type: ignore[no-untyped-def]
+    """Count each label's pixels ``(n,)``, and those of them in the seed ``(h, w)``."""
+    for i in range(labels.shape[0]):
+        for j in range(labels.shape[1]):
+            area[labels[i, j]] += 1
+            if seed[i, j]:
+                overlap[labels[i, j]] += 1
+
+
+@numba.njit(cache=True)
+def choose_kernel(labels, keep, mask):  # type: ignore[no-untyped-def]
+    """Fill ``mask`` ``(h, w)`` with whether each pixel's label is kept."""
+    for i in range(labels.shape[0]):
+        for j in range(labels.shape[1]):
+            mask[i, j] = keep[labels[i, j]]
 
 
 @numba.njit(cache=True, fastmath=True)
@@ -199,12 +214,15 @@ def settle(pixel, nx, ny, log_odds, gradient):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, fastmath=True)
-def distance_kernel(mask, labels, owner, points, normals, out):  # type: ignore[no-untyped-def]
+def distance_kernel(mask, distance, labels, owner, points, normals, out):  # type: ignore[no-untyped-def]
     """Distance to the owner of each pixel's label or a neighbour on its chain, with a sign."""
     h, w = mask.shape
     m = len(points)
     for i in range(h):
         for j in range(w):
+            if distance[i, j] > NEAR_PX:
+                out[i, j] = -distance[i, j] if mask[i, j] else distance[i, j]
+                continue
             k0 = owner[labels[i, j]]
             best, nearest = 1e12, k0
             for a in range(-2, 3):

@@ -48,8 +48,8 @@ class Edges:
         Levels per pixel.
     strength : (h, w) float32
         0 to 1, a ridge along each edge.
-    direction : (h, w) float32
-        Angle of the gradient from x towards y, modulo pi.
+    x, y : (h, w) float32
+        Unit direction of the gradient, its sign that of the channel that changes most.
     points, normals : (k, 2) float32
         Edge points in px and their unit gradient direction, sign without meaning.
     point_strength : (k,) float32
@@ -58,7 +58,8 @@ class Edges:
 
     gradient: Float
     strength: Float
-    direction: Float
+    x: Float
+    y: Float
     points: Float
     normals: Float
     point_strength: Float
@@ -70,64 +71,92 @@ class Edges:
 def find_edges(rgb: Pixels) -> Edges:
     """Edges of a crop ``(h, w, 3)``."""
     soft = cv2.GaussianBlur(rgb.astype(np.float32), (5, 5), SIGMA_PX)
-    gx, gy, g = np.zeros((3, *rgb.shape[:2]), np.float32)
-    gradient_kernel(soft, gx, gy, g)
-    noise = max(LEAST_NOISE, float(np.quantile(g[::3, ::3], 0.25)))
-    usual = cv2.blur(g, (NEIGHBOURHOOD_PX, NEIGHBOURHOOD_PX))
-    square = g * g
-    rest = np.float32(4 * noise**2) + np.float32(0.64) * usual * usual
-    strength: Float = np.asarray(square / (square + rest), np.float32)
-    direction = np.asarray(np.mod(cv2.phase(gx, gy), np.float32(np.pi)), np.float32)
-    thin, points, normals = thin_kernel(gx, gy, g, strength, WEAK)
-    kept, value = _link(thin, points, strength)
-    return Edges(g, strength, direction, points[kept], normals[kept], value[kept])
-
-
-def _link(thin: Pixels, points: Float, strength: Float) -> tuple[NDArray[np.bool_], Float]:
-    """Which points belong to a chain that is long and somewhere strong, and their strength."""
-    if len(points) == 0:
-        return np.zeros(0, bool), np.zeros(0, np.float32)
-    n, labels, stats, _ = cv2.connectedComponentsWithStats(thin, connectivity=8)
-    at = np.nonzero(thin)
-    chain, value = np.asarray(labels[at], int), strength[at]
-    best = np.zeros(n, np.float32)
-    np.maximum.at(best, chain, value)
-    return (stats[chain, cv2.CC_STAT_AREA] >= MIN_CHAIN_PX) & (best[chain] >= STRONG), value
+    gx = cv2.Scharr(soft, cv2.CV_32F, 1, 0, scale=1 / 32)
+    gy = cv2.Scharr(soft, cv2.CV_32F, 0, 1, scale=1 / 32)
+    nx, ny, g = np.zeros((3, *rgb.shape[:2]), np.float32)
+    strongest_kernel(gx, gy, nx, ny, g)
+    sample = g[::4, ::4].ravel()
+    noise = max(LEAST_NOISE, float(np.partition(sample, len(sample) // 4)[len(sample) // 4]))
+    usual = np.asarray(cv2.blur(g, (NEIGHBOURHOOD_PX, NEIGHBOURHOOD_PX)), np.float32)
+    strength = np.zeros_like(g)
+    strength_kernel(g, usual, np.float32(4 * noise**2), strength)
+    index, points, normals, value = thin_kernel(nx, ny, g, strength, WEAK)
+    kept = chain_kernel(index, value)
+    return Edges(g, strength, nx, ny, points[kept], normals[kept], value[kept])
 
 
 @numba.njit(cache=True, fastmath=True)
-def gradient_kernel(picture, gx, gy, g):  # type: ignore[no-untyped-def]
-    """Scharr gradient ``(h, w)`` of the channel that changes most, of ``(h, w, 3)`` float32."""
+def strongest_kernel(gx, gy, nx, ny, g):  # type: ignore[no-untyped-def]
+    """Gradient of the channel that changes most: unit vector and magnitude ``(h, w)``."""
     h, w = g.shape
-    a, b = np.float32(3 / 32), np.float32(10 / 32)
-    for i in range(1, h - 1):
-        for j in range(1, w - 1):
-            best = np.float32(0.0)
-            for c in range(3):
-                x = a * (
-                    picture[i - 1, j + 1, c]
-                    - picture[i - 1, j - 1, c]
-                    + picture[i + 1, j + 1, c]
-                    - picture[i + 1, j - 1, c]
-                ) + b * (picture[i, j + 1, c] - picture[i, j - 1, c])
-                y = a * (
-                    picture[i + 1, j - 1, c]
-                    - picture[i - 1, j - 1, c]
-                    + picture[i + 1, j + 1, c]
-                    - picture[i - 1, j + 1, c]
-                ) + b * (picture[i + 1, j, c] - picture[i - 1, j, c])
-                square = x * x + y * y
+    for i in range(h):
+        for j in range(w):
+            best, c = np.float32(1e-12), 0
+            for k in range(3):
+                square = gx[i, j, k] * gx[i, j, k] + gy[i, j, k] * gy[i, j, k]
                 if square > best:
-                    best = square
-                    gx[i, j], gy[i, j] = x, y
-            g[i, j] = np.sqrt(best)
+                    best, c = square, k
+            length = np.sqrt(best)
+            g[i, j] = length
+            nx[i, j], ny[i, j] = gx[i, j, c] / length, gy[i, j, c] / length
 
 
 @numba.njit(cache=True, fastmath=True)
-def thin_kernel(gx, gy, g, strength, weak):  # type: ignore[no-untyped-def]
-    """Maxima of ``g`` across the edge: map ``(h, w)``, points ``(k, 2)``, normals ``(k, 2)``."""
+def strength_kernel(g, usual, noise, strength):  # type: ignore[no-untyped-def]
+    """The module's ratio; ``noise`` is ``(2 n)^2``."""
+    for i in range(g.shape[0]):
+        for j in range(g.shape[1]):
+            square = g[i, j] * g[i, j]
+            rest = noise + np.float32(0.64) * usual[i, j] * usual[i, j]
+            strength[i, j] = square / (square + rest)
+
+
+@numba.njit(cache=True)
+def chain_kernel(index, value):  # type: ignore[no-untyped-def]
+    """Which points ``(k,)`` are in a chain (8-connected) that is long and somewhere strong.
+
+    ``index`` ``(h, w)`` holds the number of the point in a pixel, or -1.
+    """
+    n = len(value)
+    kept, done = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
+    chain = np.empty(n, np.int32)
+    rows, columns = np.empty(n, np.int32), np.empty(n, np.int32)
+    for i in range(index.shape[0]):
+        for j in range(index.shape[1]):
+            if index[i, j] >= 0:
+                rows[index[i, j]], columns[index[i, j]] = i, j
+    for start in range(n):
+        if done[start]:
+            continue
+        chain[0], done[start] = start, True
+        size, head, best = 1, 0, value[start]
+        while head < size:
+            i, j = rows[chain[head]], columns[chain[head]]
+            head += 1
+            for a in range(i - 1, i + 2):
+                for b in range(j - 1, j + 2):
+                    k = index[a, b]
+                    if k >= 0 and not done[k]:
+                        done[k] = True
+                        best = max(best, value[k])
+                        chain[size] = k
+                        size += 1
+        if size >= MIN_CHAIN_PX and best >= STRONG:
+            for k in range(size):
+                kept[chain[k]] = True
+    return kept
+
+
+@numba.njit(cache=True, fastmath=True)
+def thin_kernel(ux, uy, g, strength, weak):  # type: ignore[no-untyped-def]
+    """Maxima of ``g`` across the edge.
+
+    The number of the point in each pixel ``(h, w)`` or -1, points and normals ``(k, 2)``,
+    strength ``(k,)``. Two pixels along the crop's border have none.
+    """
     h, w = g.shape
-    thin = np.zeros((h, w), np.uint8)
+    index = np.full((h, w), -1, np.int32)
+    value = np.empty(h * w // 2, np.float32)
     points = np.empty((h * w // 2, 2), np.float32)
     normals = np.empty((h * w // 2, 2), np.float32)
     k = 0
@@ -136,7 +165,7 @@ def thin_kernel(gx, gy, g, strength, weak):  # type: ignore[no-untyped-def]
             here = g[i, j]
             if strength[i, j] < weak or here <= 0 or k >= len(points):
                 continue
-            nx, ny = gx[i, j] / here, gy[i, j] / here
+            nx, ny = ux[i, j], uy[i, j]
             # neighbours one step along the dominant axis, interpolated between two pixels
             if abs(nx) >= abs(ny):
                 t = ny / nx
@@ -157,9 +186,10 @@ def thin_kernel(gx, gy, g, strength, weak):  # type: ignore[no-untyped-def]
             curve = before - 2 * here + after
             shift = 0.5 * (before - after) / curve if curve < 0 else 0.0
             shift = min(max(shift, -0.5), 0.5)
-            thin[i, j] = 1
+            index[i, j] = k
+            value[k] = strength[i, j]
             points[k, 0] = j + shift * sx
             points[k, 1] = i + shift * sy
             normals[k, 0], normals[k, 1] = nx, ny
             k += 1
-    return thin, points[:k], normals[:k]
+    return index, points[:k], normals[:k], value[:k]

@@ -65,8 +65,10 @@ class Evidence:
         Its outline about every pixel, and unit normals pointing out; not along the frame's border.
     contour_snapped : (m,) bool
         The picture has an edge where the outline is.
-    edge_strength, edge_direction : (h, w) float32
-        0 to 1; angle of the gradient modulo pi. See :mod:`handtrack.evidence.edges`.
+    edge_strength : (h, w) float32
+        0 to 1, a ridge along each edge. See :mod:`handtrack.evidence.edges`.
+    edge_x, edge_y : (h, w) float32
+        Unit direction of the gradient, either sign.
     edge_points, edge_normals : (k, 2) float32
         Thinned edges, the outline and those inside the hand, sub-pixel; unit normals, either sign.
     edge_point_strength : (k,) float32
@@ -86,7 +88,8 @@ class Evidence:
     contour_normal: Float
     contour_snapped: Mask
     edge_strength: Float
-    edge_direction: Float
+    edge_x: Float
+    edge_y: Float
     edge_points: Float
     edge_normals: Float
     edge_point_strength: Float
@@ -94,6 +97,11 @@ class Evidence:
 
     def __post_init__(self) -> None:
         freeze_arrays(self)
+
+    @property
+    def edge_direction(self) -> Float:
+        """Angle ``(h, w)`` of the gradient from x towards y, modulo pi."""
+        return np.asarray(np.mod(np.arctan2(self.edge_y, self.edge_x), np.pi), np.float32)
 
 
 def see(
@@ -142,7 +150,8 @@ def see(
         contour_normal=outline.normals[kept],
         contour_snapped=outline.snapped[kept],
         edge_strength=edges.strength,
-        edge_direction=edges.direction,
+        edge_x=edges.x,
+        edge_y=edges.y,
         edge_points=edges.points[on_edge],
         edge_normals=edges.normals[on_edge],
         edge_point_strength=edges.point_strength[on_edge],
@@ -164,19 +173,20 @@ def confidence(log_odds: Float, visible: Mask, mask: Mask, outline: Outline) -> 
 
 
 def crop(frame_rgb: Pixels, window: Window) -> Pixels:
-    """The window's picture ``(h, w, 3)``: averaged over areas first where it shrinks a lot."""
+    """The window's picture ``(h, w, 3)``: halved by averaging to about its scale, then warped."""
     H, W = frame_rgb.shape[:2]
-    k = max(1, int(1 / window.scale + 0.25))
+    halvings = max(0, round(np.log2(1 / window.scale)))
+    k = 2**halvings
     margin = 2 * k
     left = int(np.clip(np.floor(window.x_px) - margin, 0, W - 1))
     top = int(np.clip(np.floor(window.y_px) - margin, 0, H - 1))
     right = int(np.ceil(window.x_px + window.width_px / window.scale)) + margin
     bottom = int(np.ceil(window.y_px + window.height_px / window.scale)) + margin
     piece = frame_rgb[top : max(bottom, top + k), left : max(right, left + k)]
-    if k > 1:
-        size = (max(1, piece.shape[1] // k), max(1, piece.shape[0] // k))
-        piece = piece[: size[1] * k, : size[0] * k]
-        piece = np.asarray(cv2.resize(piece, size, interpolation=cv2.INTER_AREA), np.uint8)
+    for _ in range(halvings):
+        size = (max(1, piece.shape[1] // 2), max(1, piece.shape[0] // 2))
+        even = piece[: 2 * size[1], : 2 * size[0]]
+        piece = np.asarray(cv2.resize(even, size, interpolation=cv2.INTER_AREA), np.uint8)
     step = 1 / (window.scale * k)
     x0 = (window.x_px - left - (k - 1) / 2) / k
     y0 = (window.y_px - top - (k - 1) / 2) / k
@@ -220,9 +230,9 @@ def _inside(points: Float, frame_rgb: Pixels, window: Window) -> Mask:
 
 def _seed_log_odds(seed: Mask) -> Float:
     """A weak prior ``(h, w)`` from where the hand is expected."""
-    s = seed.astype(np.uint8)
-    inside = cv2.distanceTransform(s, cv2.DIST_L2, 3)
-    outside = cv2.distanceTransform(1 - s, cv2.DIST_L2, 3)
-    prior = SEED_INSIDE * np.minimum(inside / SEED_REACH_PX, 1)
-    prior -= SEED_OUTSIDE * np.minimum(outside / SEED_REACH_PX, 1)
-    return np.asarray(prior, np.float32)
+    s = seed[::2, ::2].astype(np.uint8)
+    reach = SEED_REACH_PX / 2
+    inside = np.minimum(cv2.distanceTransform(s, cv2.DIST_L2, 3), reach)
+    outside = np.minimum(cv2.distanceTransform(1 - s, cv2.DIST_L2, 3), reach)
+    prior = np.asarray(SEED_INSIDE * inside - SEED_OUTSIDE * outside, np.float32) / reach
+    return np.asarray(cv2.resize(prior, seed.shape[::-1]), np.float32)

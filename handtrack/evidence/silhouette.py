@@ -26,28 +26,23 @@ masks of which the tracker is sure, and :meth:`Segmenter.watch` the background. 
 from dataclasses import dataclass
 
 import cv2
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.camera import Window
 from handtrack.evidence.background import Background, shrink
 from handtrack.evidence.candidates import Candidate, find_candidates
-from handtrack.evidence.colour import ColourModel, densities, log_odds_kernel
+from handtrack.evidence.colour import ColourModel
+from handtrack.evidence.odds import log_odds_image
 
 Pixels = NDArray[np.uint8]
 Float = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
-#: Share ``w`` of the local background where it is known.
-LOCAL_SHARE = 0.95
-#: Share of that for shadows on it.
+#: Share of shadows in what is expected of a known background.
 SHADOW_SHARE = 0.05
 #: Where shadows would swallow more of the first silhouette than this, there are none.
 MOST_SHADOW = 0.03
-#: Log odds are clipped here before they are smoothed.
-MAX_LOG_ODDS = 6.0
-_BIN_VOLUME_RGB = 589.0  # RGB volume of one bin of the colour model
 _START_SIDE_PX = 320
 
 
@@ -55,9 +50,11 @@ _START_SIDE_PX = 320
 class SegmenterSettings:
     """How fast the segmenter follows the clip."""
 
-    colour_rate: float = 0.03
+    colour_rate: float = 0.1
     """Share of each learned frame in the running colours."""
-    watch_every: int = 3
+    learn_every: int = 4
+    """The colours take in one frame of so many."""
+    watch_every: int = 4
     """The background takes in one frame of so many."""
 
 
@@ -82,6 +79,7 @@ class Segmenter:
         self.background = Background() if background is None else background
         self.settings = SegmenterSettings() if settings is None else settings
         self._watched = 0
+        self._learned = 0
 
     @staticmethod
     def bootstrap(frame_rgb: Pixels, background: Background | None = None) -> list[Candidate]:
@@ -122,16 +120,12 @@ class Segmenter:
         return np.asarray(1 / (1 + np.exp(-self.log_odds(rgb, window))), np.float32)
 
     def log_odds(self, rgb: Pixels, window: Window | None = None) -> Float:
-        """Log odds of hand against background ``(h, w)``, within ``MAX_LOG_ODDS``."""
+        """Log odds of hand against background ``(h, w)``, clipped (``odds.MOST``)."""
         ycc = cv2.cvtColor(cv2.GaussianBlur(rgb, (3, 3), 0.6), cv2.COLOR_RGB2YCrCb)
-        out = np.empty(rgb.shape[:2], np.float32)
-        if window is None or not self.background.known.any():
-            log_odds_kernel(ycc.reshape(-1, 3), self.colours.table, out.reshape(-1))
-        else:
-            mean, sigma = self.background.through(window)
-            shadow = SHADOW_SHARE if self.colours.shadows else 0.0
-            local_log_odds_kernel(rgb, ycc, self.colours.table, mean, sigma, shadow, out)
-        return np.asarray(np.clip(out, -MAX_LOG_ODDS, MAX_LOG_ODDS), np.float32)
+        known = window is not None and self.background.known.any()
+        local = self.background.through(window) if window is not None and known else None
+        shadow = SHADOW_SHARE if self.colours.shadows else 0.0
+        return log_odds_image(rgb, np.asarray(ycc, np.uint8), self.colours.table, local, shadow)
 
     def learn(self, rgb: Pixels, inside: Mask, outside: Mask) -> None:
         """Follow the colours of a crop, slowly.
@@ -144,7 +138,10 @@ class Segmenter:
             Pixels that are surely hand, surely background; leave a rim between them. Call it only
             when the fit is trusted.
         """
-        few = (slice(None, None, 2), slice(None, None, 2))
+        self._learned += 1
+        if self._learned % self.settings.learn_every:
+            return
+        few = (slice(None, None, 3), slice(None, None, 3))
         picture = rgb[few]
         self.colours.learn(picture[inside[few]], picture[outside[few]], self.settings.colour_rate)
 
@@ -186,7 +183,7 @@ class Segmenter:
 
 
 def _shadows_swallow(colours: ColourModel, small: Pixels, inside: Mask) -> bool:
-    """Whether much of the hand looks like the background in the shade (a grey hand, a grey wall)."""
+    """Whether much of the hand looks like shaded background (a grey hand before a grey wall)."""
     without = _learn_colours(small, inside, shadows=False)
     lost = (colours.log_odds(small[inside]) < 0) & (without.log_odds(small[inside]) > 0)
     return bool(lost.mean() > MOST_SHADOW)
@@ -205,32 +202,3 @@ def _learn_colours(small: Pixels, inside: Mask, shadows: bool = True) -> ColourM
     return ColourModel.from_samples(
         small[sure], small[outside], background_weight=weight[outside], shadows=shadows
     )
-
-
-@numba.njit(cache=True, fastmath=True)
-def local_log_odds_kernel(rgb, ycc, table, mean, sigma, shadow_share, out):  # type: ignore[no-untyped-def]
-    """Log odds ``(h, w)`` where the background is ``mean`` ``(h, w, 3)``, ``sigma`` ``(h, w)``."""
-    h, w = out.shape
-    for i in range(h):
-        for j in range(w):
-            f, b = densities(table, ycc[i, j, 0] * 1.0, ycc[i, j, 1] * 1.0, ycc[i, j, 2] * 1.0)
-            if sigma[i, j] < 1e3:
-                right, below = min(j + 1, w - 1), min(i + 1, h - 1)
-                d2, x_mu, mu_mu, x_x, slope = 0.0, 0.0, 1e-6, 0.0, 0.0
-                for c in range(3):
-                    x, mu = rgb[i, j, c] * 1.0, mean[i, j, c] * 1.0
-                    d2 += (x - mu) ** 2
-                    x_mu += x * mu
-                    mu_mu += mu * mu
-                    x_x += x * x
-                    gx, gy = mean[i, right, c] - mu, mean[below, j, c] - mu
-                    slope += gx * gx + gy * gy
-                s2 = sigma[i, j] ** 2 + 0.1 * slope
-                peak = min(1.0, _BIN_VOLUME_RGB / (15.75 * s2 * np.sqrt(s2)))
-                local = peak * np.exp(-0.5 * d2 / s2)
-                a = min(max(x_mu / mu_mu, 0.5), 1.0)
-                off = max(x_x - 2 * a * x_mu + a * a * mu_mu, 0.0)
-                ridge = min(1.0, _BIN_VOLUME_RGB / (6.28 * s2 * 0.5 * np.sqrt(mu_mu)))
-                shadow = shadow_share * ridge * np.exp(-0.5 * off / s2)
-                b = (1 - LOCAL_SHARE) * b + LOCAL_SHARE * (local + shadow)
-            out[i, j] = np.log(f / b)
