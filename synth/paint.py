@@ -42,9 +42,8 @@ def paint(skin: Skin, tone: str, rng: np.random.Generator) -> Array:
     colour *= _redness(skin)
     colour *= (1.0 - _creases(skin, palmar))[:, None] ** np.array([0.8, 1.0, 1.05])
     nail = _nails(skin, palmar)[:, None]
-    colour = (
-        colour * (1 - nail) + (0.55 * colour + 0.45 * _linear(np.array([240, 196, 188.0]))) * nail
-    )
+    pink = 0.78 * colour + 0.22 * _linear(np.array([240.0, 200.0, 192.0]))
+    colour = colour * (1 - nail) + pink * nail
     return np.concatenate([colour.clip(0, 1), np.ones((len(colour), 1))], axis=1)
 
 
@@ -129,13 +128,13 @@ def _distance_to_line(points: Array, line: Array) -> Array:
 
 
 def _nails(skin: Skin, palmar: Array) -> Array:
-    """How much of a vertex is nail, 0..1."""
+    """How much of a vertex is nail, 0..1, its rim soft over a millimetre."""
     nail = np.zeros(len(palmar))
     for d in range(5):
         x, y = skin.chart.local[:, d, 0], skin.chart.local[:, d, 1]
-        end = skin.hand.length_mm[d].sum()
         r = skin.hand.radius_mm[d, 3]
-        along = (y > end - 1.9 * r) & (y < end - 0.35 * r)
-        across = np.abs(x) < 0.72 * r
-        nail[along & across & (palmar < -0.35) & (skin.chart.share[:, d + 1] > 0.5)] = 1.0
+        middle = skin.hand.length_mm[d].sum() - 1.15 * r
+        inside_mm = np.minimum(0.85 * r - np.abs(y - middle), 0.72 * r - np.abs(x))
+        back = np.clip((-palmar - 0.25) / 0.2, 0, 1) * (skin.chart.share[:, d + 1] > 0.5)
+        nail = np.maximum(nail, np.clip(inside_mm + 0.5, 0, 1) * back)
     return nail
