@@ -47,6 +47,10 @@ MIN_PALM_RADIUS_PX = 6.0
 #: Usual length of a digit from its valleys to its tip, in palm radii, thumb to little.
 USUAL_REACH_R = np.array([1.35, 1.75, 1.95, 1.8, 1.35])
 
+#: Reach over the usual, and angle between neighbours, beyond which it is no open hand.
+REACH_RANGE = (0.4, 1.6)
+MAX_SPREAD_DEG = (120.0, 80.0, 80.0, 80.0)
+
 
 class Seen(Enum):
     """What a silhouette shows; the value is a sentence for people."""
@@ -55,6 +59,7 @@ class Seen(Enum):
     NOTHING = "the silhouette is empty or too small to hold a hand"
     FEW_TIPS = "fewer than five fingertips stand out: open the hand and spread the fingers"
     MANY_TIPS = "more than five tips stand out: show one hand, away from other things"
+    NO_HAND = "five tips stand out, but without the proportions of a hand"
     CLIPPED = "the hand runs over the edge of the picture: show all of it"
     HALF_OPEN = "a hand was found, but not open and flat enough: spread the fingers, palm flat"
     OTHER_SIDE = "the thumb is on the other side: check the side, or which way the hand faces"
@@ -127,9 +132,9 @@ def search_landmarks(mask: Mask, visible: Mask | None = None) -> tuple[Landmarks
         found, here = _five_tips(contour, centre, radius, _at(clear, contour))
         if here is Seen.OPEN_HAND and found is not None:
             landmarks = _describe(contour, centre, radius, found)
-            if landmarks is not None:
+            if landmarks is not None and _has_proportions(landmarks):
                 return landmarks, Seen.OPEN_HAND
-            here = Seen.NO_THUMB
+            here = Seen.NO_THUMB if landmarks is None else Seen.NO_HAND
         seen = here if seen in (Seen.NOTHING, Seen.FEW_TIPS) else seen
     return None, seen
 
@@ -155,6 +160,14 @@ def start_quality(landmarks: Landmarks) -> float:
 def is_good_start(landmarks: Landmarks | None, threshold: float = 0.35) -> bool:
     """Whether the hand is open, frontal and spread enough to calibrate and to start from."""
     return landmarks is not None and start_quality(landmarks) >= threshold
+
+
+def _has_proportions(landmarks: Landmarks) -> bool:
+    """Whether digits are as long, and spread as little, as those of a hand."""
+    reach = landmarks.reach_r / USUAL_REACH_R
+    low, high = REACH_RANGE
+    narrow = np.degrees(_spread_angles(landmarks)) < MAX_SPREAD_DEG
+    return bool((reach > low).all() and (reach < high).all() and narrow.all())
 
 
 def _palm_candidates(mask: Mask) -> Iterator[tuple[Array, float, Array]]:
