@@ -15,12 +15,12 @@ peaked, so the filter tempers the sum of both.
 from dataclasses import dataclass
 from typing import Literal
 
-import cv2
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.fingers.raster import GRID, overlaps, pack_bits
+from handtrack.fingers.raster import polygon_areas
+from handtrack.fingers.silhouette import SilhouetteBits, below_wrist
 from handtrack.hand.surface import Patches, Surface
 from handtrack.records import Pose
 from handtrack.refine.view import View
@@ -43,17 +43,7 @@ class LikelihoodSettings:
     clutter_per_px: float = 0.06
     """Density lambda of clutter along a measurement line."""
     silhouette_std: float = 0.02
-    """Standard deviation of the silhouettes' difference, as a share of the hand's area."""
-
-
-def log_likelihood(
-    patches: Patches, view: View, ignored: NDArray[np.bool_], settings: LikelihoodSettings
-) -> Array:
-    """Edge and silhouette log-likelihood ``(n,)`` of patches, up to a constant of the frame.
-
-    ``ignored`` ``(h, w)`` marks pixels below the wrist and outside the frame.
-    """
-    return edge_term(patches, view, settings) + silhouette_term(patches, view, ignored, settings)
+    """Scale of the silhouettes' difference, as a share of the hand's area."""
 
 
 def edge_term(patches: Patches, view: View, settings: LikelihoodSettings) -> Array:
@@ -71,40 +61,17 @@ def edge_term(patches: Patches, view: View, settings: LikelihoodSettings) -> Arr
 
 
 def silhouette_term(
-    patches: Patches, view: View, ignored: NDArray[np.bool_], settings: LikelihoodSettings
+    patches: Patches, bits: SilhouetteBits, below: Array, settings: LikelihoodSettings
 ) -> Array:
-    """Gaussian in the difference of the silhouettes, relative to the hand's area, ``(n,)``."""
-    counts = silhouette_counts(patches, view, ignored)
+    """Laplacian in the difference of the silhouettes, relative to the hand's area, ``(n,)``.
+
+    ``below`` ``(4, 2)`` is the part of the image under the wrist, which does not count.
+    """
+    counts = np.empty((len(patches.corners), 3))
+    polygon_areas(patches.corners, below, bits.scale, bits.hand, bits.outside, counts)
     seen = np.maximum(counts[:, 2], 1.0)
     differ = counts[:, 1] if settings.silhouette == "xor" else np.abs(counts[:, 0] - counts[:, 2])
-    return -0.5 * (differ / seen) / settings.silhouette_std
-
-
-def silhouette_counts(patches: Patches, view: View, ignored: NDArray[np.bool_]) -> Array:
-    """Model, exclusive-or and evidence areas ``(n, 3)`` in grid cells."""
-    h, w = view.sdf.shape
-    size = max(h, w)
-    masks = np.zeros((2, size, size), np.uint8)
-    masks[0, :h, :w] = view.sdf < 0
-    masks[1] = 1
-    masks[1, :h, :w] = ignored
-    seen, ignore = (
-        pack_bits(cv2.resize(m * 255, (GRID, GRID), interpolation=cv2.INTER_AREA) > 127)
-        for m in masks
-    )
-    counts = np.empty((len(patches.corners), 3))
-    overlaps(patches.corners, GRID / size, seen, ignore, counts)
-    return counts
-
-
-def ignored_pixels(view: View, pose: Pose, wrist_y_mm: float) -> NDArray[np.bool_]:
-    """Pixels ``(h, w)`` below the wrist line of ``pose`` or outside the frame."""
-    h, w = view.sdf.shape
-    a, axis = view.wrist_line(pose, wrist_y_mm)
-    y, x = np.mgrid[:h, :w]
-    below = (x - a[0]) * axis[0] + (y - a[1]) * axis[1] <= 0
-    x0, y0, x1, y1 = view.valid
-    return below | (x < x0) | (x >= x1) | (y < y0) | (y >= y1)
+    return -(differ / seen) / settings.silhouette_std
 
 
 class FingerLikelihood:
@@ -119,20 +86,19 @@ class FingerLikelihood:
         wrist_y_mm: float = 6.0,
     ) -> None:
         self.surface, self.view, self.pose, self.settings = surface, view, pose, settings
-        self.ignored = ignored_pixels(view, pose, wrist_y_mm)
+        self.bits = SilhouetteBits.of(view)
+        self.below = below_wrist(pose.R[None], pose.t_mm[None], view.intrinsics, wrist_y_mm)[0]
 
     def __call__(self, theta: Array) -> Array:
         """Log-likelihood ``(n,)``; large batches are worked off in parts of bounded memory."""
-        parts = [
-            log_likelihood(
-                self.surface.patches(part, self.pose, self.view.intrinsics),
-                self.view,
-                self.ignored,
-                self.settings,
-            )
-            for part in np.array_split(theta, max(1, len(theta) // 256))
-        ]
-        return np.concatenate(parts)
+        parts = np.array_split(theta, max(1, len(theta) // 256))
+        return np.concatenate([self._of_part(part) for part in parts])
+
+    def _of_part(self, theta: Array) -> Array:
+        patches = self.surface.patches(theta, self.pose, self.view.intrinsics)
+        return edge_term(patches, self.view, self.settings) + silhouette_term(
+            patches, self.bits, self.below, self.settings
+        )
 
 
 @numba.njit(cache=True, nogil=True)

@@ -58,24 +58,92 @@ def popcount(x):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def overlaps(corners, scale, evidence, ignored, counts):  # type: ignore[no-untyped-def]
-    """Areas in grid cells ``(n, 3)``: of the model, of the exclusive-or, of the evidence.
+def fill_capsule(rows, first, second, scale):  # type: ignore[no-untyped-def]
+    """Fill the hull of two circles ``(x, y, r, ..)`` of window pixels."""
+    size = len(rows)
+    ax, ay, ar, bx, by, br = first[0], first[1], first[2], second[0], second[1], second[2]
+    ex, ey = bx - ax, by - ay
+    length = np.sqrt(ex * ex + ey * ey)
+    tangents = length > abs(ar - br) + 1e-9
+    quad = np.empty((4, 2))
+    if tangents:
+        ex, ey = ex / length, ey / length
+        taper = (ar - br) / length
+        cross = np.sqrt(1.0 - taper * taper)
+        for side in range(2):
+            sign = 1.0 if side == 0 else -1.0
+            nx = taper * ex - sign * cross * ey
+            ny = taper * ey + sign * cross * ex
+            near, far = (0, 1) if side == 0 else (3, 2)
+            quad[near, 0], quad[near, 1] = ax + ar * nx, ay + ar * ny
+            quad[far, 0], quad[far, 1] = bx + br * nx, by + br * ny
+    low, high = min(ay - ar, by - br), max(ay + ar, by + br)
+    top = max(int(np.ceil((low + 0.5) * scale - 0.5)), 0)
+    bottom = min(int(np.floor((high + 0.5) * scale - 0.5)), size - 1)
+    for i in range(top, bottom + 1):
+        y = (i + 0.5) / scale - 0.5
+        left, right = 1e9, -1e9
+        if abs(y - ay) < ar:
+            half = np.sqrt(ar * ar - (y - ay) ** 2)
+            left, right = ax - half, ax + half
+        if abs(y - by) < br:
+            half = np.sqrt(br * br - (y - by) ** 2)
+            left, right = min(left, bx - half), max(right, bx + half)
+        if tangents:
+            for a in range(4):
+                b = (a + 1) % 4
+                ya, yb = quad[a, 1], quad[b, 1]
+                if (ya <= y) != (yb <= y):
+                    x = quad[a, 0] + (y - ya) / (yb - ya) * (quad[b, 0] - quad[a, 0])
+                    left, right = min(left, x), max(right, x)
+        first_bit = max(int(np.ceil((left + 0.5) * scale - 0.5)), 0)
+        last_bit = min(int(np.floor((right + 0.5) * scale - 0.5)), size - 1)
+        if first_bit <= last_bit:
+            set_span(rows[i], first_bit, last_bit)
 
-    ``evidence`` and ``ignored`` are bit rows ``(GRID, WORDS)``; ignored cells count nowhere.
+
+@numba.njit(cache=True, nogil=True)
+def compare(rows, below, evidence, outside, out):  # type: ignore[no-untyped-def]
+    """Areas of the model, of the difference and of the evidence, where cells count."""
+    model, differ, seen = 0, 0, 0
+    for i in range(rows.shape[0]):
+        for k in range(rows.shape[1]):
+            care = ~(outside[i, k] | below[i, k])
+            model += popcount(rows[i, k] & care)
+            differ += popcount((rows[i, k] ^ evidence[i, k]) & care)
+            seen += popcount(evidence[i, k] & care)
+    out[0], out[1], out[2] = model, differ, seen
+
+
+@numba.njit(cache=True, nogil=True)
+def polygon_areas(corners, below, scale, evidence, outside, counts):  # type: ignore[no-untyped-def]
+    """Areas in grid cells ``(n, 3)`` of polygons ``(n, P, V, 2)``: model, difference, evidence.
+
+    ``below`` ``(4, 2)`` is a quadrilateral that counts nowhere; ``evidence`` and ``outside`` are
+    bit rows ``(GRID, WORDS)``.
     """
-    rows = np.empty_like(evidence)
+    rows = np.zeros_like(evidence)
+    ignored = np.zeros_like(evidence)
+    fill_convex(ignored, below, scale)
     for n in range(len(corners)):
         rows[:] = 0
         for p in range(corners.shape[1]):
             fill_convex(rows, corners[n, p], scale)
-        model, differ, seen = 0, 0, 0
-        for i in range(rows.shape[0]):
-            for k in range(rows.shape[1]):
-                care = ~ignored[i, k]
-                model += popcount(rows[i, k] & care)
-                differ += popcount((rows[i, k] ^ evidence[i, k]) & care)
-                seen += popcount(evidence[i, k] & care)
-        counts[n, 0], counts[n, 1], counts[n, 2] = model, differ, seen
+        compare(rows, ignored, evidence, outside, counts[n])
+
+
+@numba.njit(cache=True, nogil=True)
+def capsule_areas(circles, capsules, below, scale, evidence, outside, counts):  # type: ignore[no-untyped-def]
+    """The same of capsules: circles ``(n, K, 4)``, and one ``below`` ``(n, 4, 2)`` each."""
+    rows = np.zeros_like(evidence)
+    ignored = np.zeros_like(evidence)
+    for n in range(len(circles)):
+        rows[:] = 0
+        ignored[:] = 0
+        fill_convex(ignored, below[n], scale)
+        for c in range(len(capsules)):
+            fill_capsule(rows, circles[n, capsules[c, 0]], circles[n, capsules[c, 1]], scale)
+        compare(rows, ignored, evidence, outside, counts[n])
 
 
 def pack_bits(mask: NDArray[np.bool_]) -> NDArray[np.uint64]:

@@ -28,6 +28,8 @@ from handtrack.hand.shape import HandShape
 
 Array = NDArray[np.float64]
 PALM = -1  # the digit of a capsule that belongs to the palm
+#: Sides of the palm outline below this are where the forearm goes on, not an outline.
+WRIST_HEIGHT_MM = 12.0
 
 
 @dataclass(frozen=True)
@@ -115,42 +117,42 @@ def _build(shape: HandShape) -> tuple[list[_Node], list[tuple[int, int, int, int
 
     knuckle = [4 * d for d in range(5)]  # node of each digit's first joint
     r = shape.palm_radius_mm
-    side = max(shape.wrist_radius_mm - r, 1.0)
-    wrist = [palm_node(x, 4.0, 0.0, r) for x in (0.85 * side, 0.3 * side, -0.3 * side, -side)]
-    for d in range(1, 5):
-        capsules.append((wrist[d - 1], knuckle[d], PALM, -1))
-    for d in range(1, 4):
-        capsules.append((knuckle[d], knuckle[d + 1], PALM, -1))
-    capsules.append((wrist[0], wrist[3], PALM, -2))
-    capsules.append((wrist[0], knuckle[0], PALM, -1))
-    for x, y in _hypothenar(shape):
-        capsules.append((palm_node(x + r, y, 0.0, r), wrist[2], PALM, -1))
-    capsules.append((len(nodes) - 1, knuckle[4], PALM, -1))
+    rim = [palm_node(x, y, 0.0, r) for x, y in _inset(shape.palm_outline_mm, r)]
+    height = shape.palm_outline_mm[:, 1]
+    for a, b in zip(rim, [*rim[1:], rim[0]], strict=True):
+        at_wrist = max(height[a - rim[0]], height[b - rim[0]]) < WRIST_HEIGHT_MM
+        capsules.append((a, b, PALM, -2 if at_wrist else -1))
+    # the inside of the palm: from the wrist to every knuckle
+    wrist = palm_node(0.0, 8.0, 0.0, r)
+    capsules += [(wrist, knuckle[d], PALM, -1) for d in range(5)]
+    capsules += [(knuckle[d], knuckle[d + 1], PALM, -1) for d in range(1, 4)]
     # the web between thumb and index: it moves with the thumb's metacarpal
     nodes.append(_Node(1, 2, 0.55, (0.0, 0.0, 0.0), 0.8 * shape.radius_mm[0, 1], 0))
     thumb_web = len(nodes) - 1
     x, y, z = 0.62 * shape.base_mm[1]
-    index_web = palm_node(x, y, z, 0.85 * r)
-    capsules.append((thumb_web, index_web, 0, 0))
+    capsules.append((thumb_web, palm_node(x, y, z, 0.85 * r), 0, 0))
     return nodes, capsules
 
 
-def _hypothenar(shape: HandShape) -> list[tuple[float, float]]:
-    """Points ``x, y`` on the little finger's edge of the palm outline, wrist first."""
-    little_y = shape.base_mm[4, 1]
-    outline = shape.palm_outline_mm
-    closed = np.vstack([outline, outline[:1]])
-    edge = []
-    for y in (0.35 * little_y, 0.65 * little_y):
-        a, b = closed[:-1], closed[1:]
-        crosses = (a[:, 1] - y) * (b[:, 1] - y) <= 0
-        span = np.where(np.abs(b[:, 1] - a[:, 1]) < 1e-9, 1.0, b[:, 1] - a[:, 1])
-        x = a[:, 0] + (y - a[:, 1]) / span * (b[:, 0] - a[:, 0])
-        edge.append((float(x[crosses].min()) if crosses.any() else -40.0, float(y)))
-    return edge
+def _inset(outline: Array, distance: float) -> Array:
+    """An outline ``(n, 2)`` with its corners moved inwards: the palm is a rounded slab.
+
+    A corner moves along its bisector until it is ``distance`` from both its sides, but never past
+    the middle.
+    """
+    ahead = np.roll(outline, -1, axis=0) - outline
+    ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-9)
+    x, y = outline.T
+    anticlockwise = np.sign(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+    normal = anticlockwise * np.column_stack([-ahead[:, 1], ahead[:, 0]])  # of the side ahead
+    bisector = normal + np.roll(normal, 1, axis=0)
+    bisector /= np.maximum(np.linalg.norm(bisector, axis=1, keepdims=True), 1e-9)
+    cosine = np.maximum(np.sum(bisector * normal, axis=1, keepdims=True), 0.3)
+    to_middle = 0.8 * np.linalg.norm(outline.mean(axis=0) - outline, axis=1, keepdims=True)
+    return np.asarray(outline + bisector * np.minimum(distance / cosine, to_middle))
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True, fastmath=True)
 def capsule_distance(px, py, ax, ay, ra, bx, by, rb):  # type: ignore[no-untyped-def]
     """Signed distance in px of a point to a 2-D tapered capsule, and ``t*`` of its nearest disc.
 

@@ -4,8 +4,10 @@ Unknowns are a palm increment and the angles, ``x = (w, v, theta)``: ``R <- exp(
 ``t <- t + v`` (26 numbers). With robust ``rho(r) = c^2 r^2 / (c^2 + r^2)`` (Geman and McClure)::
 
     E = [ sum contour rho(d(p))               image -> nearest compatible capsule
-        + a sum silhouette rho(max(sdf, ..))   model outline -> image outline
-        + b sum internal rho(k) ] / sigma^2    fingers before the hand: edges along the normal
+        + a sum silhouette rho(sdf)            model outline -> image outline
+        + b sum internal rho(k)                fingers before the hand -> edges on their normal
+        + e sum creases s rho(d(p))            edges inside the silhouette -> nearest finger
+        ] / sigma^2
         + (theta - mu)' P (theta - mu) + |temporal|^2 + |limits|^2
 
 Image to model and model to image are both needed: either alone is blind to what the other shows
@@ -17,7 +19,7 @@ import numba
 import numpy as np
 
 from handtrack.hand.capsules import capsule_distance
-from handtrack.hand.kinematics import jacobian_kernel
+from handtrack.hand.kinematics import jacobian_kernel, keypoints_kernel
 
 #: Samples along a bone, and the directions (cosine, sine to the bone) of those on its tip.
 SIDE_T = np.array([0.2, 0.5, 0.8])
@@ -73,6 +75,29 @@ def place_nodes(theta, R, t, hand, K, circles, Jc):  # type: ignore[no-untyped-d
             Jc[n, 2, q] = -circles[n, 2] / z * dX[2, q]
 
 
+@numba.njit(cache=True, nogil=True)
+def place_digit(theta, d, R, t, hand, K, circles):  # type: ignore[no-untyped-def]
+    """Update the circles ``(n, 4)`` of the nodes that digit ``d`` moves; ``theta`` ``(1, 20)``."""
+    base, rest, length, node_from, node_weight, node_offset, node_radius, digit = hand
+    points = np.empty((1, 21, 3))
+    keypoints_kernel(theta, base, rest, length, points)
+    X = np.empty(3)
+    for n in range(len(node_weight)):
+        if digit[n] != d:
+            continue
+        i, j, w = node_from[n, 0], node_from[n, 1], node_weight[n]
+        for a in range(3):
+            X[a] = t[a]
+            for b in range(3):
+                P = (1 - w) * points[0, i, b] + w * points[0, j, b] + node_offset[n, b]
+                X[a] += R[a, b] * P
+        z = max(X[2], 10.0)
+        circles[n, 0] = K[0] * X[0] / z + K[2]
+        circles[n, 1] = K[1] * X[1] / z + K[3]
+        circles[n, 2] = K[0] * node_radius[n] / z
+        circles[n, 3] = z
+
+
 @numba.njit(cache=True, nogil=True, inline="always")
 def rho(r, c2):  # type: ignore[no-untyped-def]
     """Geman and McClure's robust function, saturating at ``c2``."""
@@ -92,25 +117,52 @@ def add_row(H, g, row, digit, r, weight):  # type: ignore[no-untyped-def]
             H[ia, ib] += wa * row[b]
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
-def nearest_capsule(p, n, circles, capsules, skip_digit, capsule_digit):  # type: ignore[no-untyped-def]
-    """Nearest capsule to ``p`` whose outline faces as ``n``: distance, index, ``t*``."""
-    best, which, t_best = 1e3, -1, 0.0
+@numba.njit(cache=True, nogil=True)
+def bounding_circles(circles, capsules, bounds):  # type: ignore[no-untyped-def]
+    """Fill ``bounds`` ``(C, 3)``: a circle round each capsule, so that most need no look."""
     for c in range(len(capsules)):
-        if capsule_digit[c] == skip_digit:
+        a, b = capsules[c, 0], capsules[c, 1]
+        ex, ey = circles[b, 0] - circles[a, 0], circles[b, 1] - circles[a, 1]
+        bounds[c, 0] = circles[a, 0] + 0.5 * ex
+        bounds[c, 1] = circles[a, 1] + 0.5 * ey
+        bounds[c, 2] = 0.5 * np.sqrt(ex * ex + ey * ey) + max(circles[a, 2], circles[b, 2])
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def nearest_outline(p, facing, among, skip_digit, circles, capsules, digit, bounds):  # type: ignore[no-untyped-def]
+    """Nearest capsule outline to an image point ``p`` ``(5,)`` (x, y, normal, weight).
+
+    ``facing``: the capsule nearest from outside whose outline faces as the point's normal; else the
+    finger outline nearest from either side that runs along the edge, either way round. Signed
+    distance, index (-1: none) and ``t*``; only the capsules ``among``, without ``skip_digit``.
+    """
+    x, y, nx, ny = p[0], p[1], p[2], p[3]
+    best, signed, which, t_best = 1e3, 1e3, -1, 0.0
+    for c in among:
+        if digit[c] == skip_digit or (not facing and digit[c] < 0):
+            continue
+        dx, dy = x - bounds[c, 0], y - bounds[c, 1]
+        reach = best + bounds[c, 2]
+        if reach < 0 or dx * dx + dy * dy > reach * reach:
             continue
         a, b = capsules[c, 0], capsules[c, 1]
         d, t = capsule_distance(
-            p[0], p[1],
+            x, y,
             circles[a, 0], circles[a, 1], circles[a, 2],
             circles[b, 0], circles[b, 1], circles[b, 2],
         )  # fmt: skip
-        if d < best:
-            mx = p[0] - circles[a, 0] - t * (circles[b, 0] - circles[a, 0])
-            my = p[1] - circles[a, 1] - t * (circles[b, 1] - circles[a, 1])
-            if mx * n[0] + my * n[1] > 0.3 * np.sqrt(mx * mx + my * my):
-                best, which, t_best = d, c, t
-    return best, which, t_best
+        far = d if facing else abs(d)
+        if far < best:
+            mx = x - circles[a, 0] - t * (circles[b, 0] - circles[a, 0])
+            my = y - circles[a, 1] - t * (circles[b, 1] - circles[a, 1])
+            along = mx * nx + my * ny
+            if facing:
+                fits = along > 0 and along * along > 0.09 * (mx * mx + my * my)
+            else:
+                fits = along * along > 0.36 * (mx * mx + my * my)
+            if fits:
+                best, signed, which, t_best = far, d, c, t
+    return signed, which, t_best
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -123,7 +175,7 @@ def bilinear(image, x, y):  # type: ignore[no-untyped-def]
     )
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, fastmath=True)
 def search_edge(x, y, nx, ny, reach, strength, edge_x, edge_y):  # type: ignore[no-untyped-def]
     """Best edge along the normal: offset in px and strength (0 where there is none)."""
     h, w = strength.shape
@@ -163,8 +215,8 @@ def sample_of(c, s, circles, capsules, bone):  # type: ignore[no-untyped-def]
     return 1.0, co * ex - si * ey, co * ey + si * ex
 
 
-@numba.njit(cache=True, nogil=True)
-def visibility(x, y, z, c, circles, capsules, digit, bone):  # type: ignore[no-untyped-def]
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def visibility(x, y, z, c, circles, capsules, digit, bone, bounds):  # type: ignore[no-untyped-def]
     """0: hidden by a nearer capsule; 1: on the hand's outline; 2: in front of the hand.
 
     ``z`` is the depth of the sample's axis point. Where skin goes on from bone to bone, or from
@@ -173,6 +225,9 @@ def visibility(x, y, z, c, circles, capsules, digit, bone):  # type: ignore[no-u
     margin, seen = 4.0, 1
     for e in range(len(capsules)):
         if e == c:
+            continue
+        dx, dy = x - bounds[e, 0], y - bounds[e, 1]
+        if dx * dx + dy * dy > bounds[e, 2] * bounds[e, 2]:
             continue
         near = digit[e] == digit[c] and (digit[c] < 0 or abs(bone[e] - bone[c]) <= 1)
         a, b = capsules[e, 0], capsules[e, 1]
@@ -193,7 +248,7 @@ def visibility(x, y, z, c, circles, capsules, digit, bone):  # type: ignore[no-u
 
 
 @numba.njit(cache=True, nogil=True)
-def sample_energy(c, circles, capsules, digit, bone, view, weights, Jc, H, g):  # type: ignore[no-untyped-def]
+def sample_energy(c, circles, capsules, digit, bone, bounds, view, weights, Jc, H, g):  # type: ignore[no-untyped-def]
     """Energy of capsule ``c``'s outline samples; adds to ``H``, ``g`` unless they are empty."""
     sdf, strength, edge_x, edge_y, valid = view
     c2, silhouette, internal, reach = weights[1], weights[2], weights[3], int(weights[4])
@@ -210,7 +265,7 @@ def sample_energy(c, circles, capsules, digit, bone, view, weights, Jc, H, g):  
         if x < valid[0] + 1 or y < valid[1] + 1 or x > valid[2] - 2 or y > valid[3] - 2:
             continue
         z = circles[a, 3] + t * (circles[b, 3] - circles[a, 3])
-        seen = visibility(x, y, z, c, circles, capsules, digit, bone)
+        seen = visibility(x, y, z, c, circles, capsules, digit, bone, bounds)
         if seen == 0:
             continue
         gx, gy = nx, ny
@@ -236,43 +291,59 @@ def sample_energy(c, circles, capsules, digit, bone, view, weights, Jc, H, g):  
 
 
 @numba.njit(cache=True, nogil=True)
-def image_energy(circles, capsules, digit, bone, contour, view, weights, Jc, H, g):  # type: ignore[no-untyped-def]
+def distance_row(row, p, c, t, circles, capsules, Jc):  # type: ignore[no-untyped-def]
+    """Fill ``row`` ``(10,)``: derivative of the distance of ``p`` to capsule ``c`` at ``t*``."""
+    a, b = capsules[c, 0], capsules[c, 1]
+    mx = p[0] - circles[a, 0] - t * (circles[b, 0] - circles[a, 0])
+    my = p[1] - circles[a, 1] - t * (circles[b, 1] - circles[a, 1])
+    norm = max(np.sqrt(mx * mx + my * my), 1e-6)
+    mx, my = mx / norm, my / norm
+    for q in range(10):
+        row[q] = -(
+            mx * ((1 - t) * Jc[a, 0, q] + t * Jc[b, 0, q])
+            + my * ((1 - t) * Jc[a, 1, q] + t * Jc[b, 1, q])
+            + (1 - t) * Jc[a, 2, q]
+            + t * Jc[b, 2, q]
+        )
+
+
+@numba.njit(cache=True, nogil=True)
+def image_energy(  # type: ignore[no-untyped-def]
+    circles, capsules, digit, bone, contour, inner, view, weights, Jc, H, g
+):
     """The image part of ``E``, already over ``sigma^2``; fills ``H``, ``g`` unless empty.
 
-    ``contour`` ``(m, 5)``: x, y, normal, weight. ``weights``: sigma, c^2, silhouette, internal,
-    reach.
+    ``contour`` and ``inner`` ``(m, 5)``: x, y, normal, weight. ``weights``: sigma, c^2,
+    silhouette, internal, reach.
     """
     c2 = weights[1]
     energy = 0.0
     row = np.zeros(10)
-    for m in range(len(contour)):
-        w = contour[m, 4]
+    bounds = np.empty((len(capsules), 3))
+    bounding_circles(circles, capsules, bounds)
+    every = np.arange(len(capsules))
+    for k in range(len(contour) + len(inner)):
+        on_outline = k < len(contour)
+        point = contour[k] if on_outline else inner[k - len(contour)]
+        w = point[4]
         if w <= 0:
             continue
-        p, n = contour[m, :2], contour[m, 2:4]
-        d, c, t = nearest_capsule(p, n, circles, capsules, -9, digit)
+        d, c, t = nearest_outline(
+            point, on_outline, every, -9, circles, capsules, digit, bounds
+        )  # fmt: skip
         if c < 0:
             energy += w * c2
             continue
         energy += w * rho(d, c2)
         if len(g):
-            a, b = capsules[c, 0], capsules[c, 1]
-            mx = p[0] - circles[a, 0] - t * (circles[b, 0] - circles[a, 0])
-            my = p[1] - circles[a, 1] - t * (circles[b, 1] - circles[a, 1])
-            norm = max(np.sqrt(mx * mx + my * my), 1e-6)
-            mx, my = mx / norm, my / norm
-            for q in range(10):
-                row[q] = -(
-                    mx * ((1 - t) * Jc[a, 0, q] + t * Jc[b, 0, q])
-                    + my * ((1 - t) * Jc[a, 1, q] + t * Jc[b, 1, q])
-                    + (1 - t) * Jc[a, 2, q]
-                    + t * Jc[b, 2, q]
-                )
+            distance_row(row, point, c, t, circles, capsules, Jc)
             robust = c2 / (c2 + d * d)
             add_row(H, g, row, digit[c], d, w * robust * robust)
     for c in range(len(capsules)):
         if bone[c] > -2:
-            energy += sample_energy(c, circles, capsules, digit, bone, view, weights, Jc, H, g)
+            energy += sample_energy(
+                c, circles, capsules, digit, bone, bounds, view, weights, Jc, H, g
+            )
     scale = 1.0 / (weights[0] * weights[0])
     if len(g):
         H *= scale

@@ -17,6 +17,8 @@ from handtrack.refine.residuals import image_energy, place_nodes
 from handtrack.refine.view import View
 
 Array = NDArray[np.float64]
+#: A motion of many standard deviations costs no more than this: fingers stop and start.
+HEAVY_TAIL = 4.0
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,9 @@ class RefineSettings:
     silhouette_weight: float = 0.5
     """Weight of outline samples against the silhouette."""
     internal_weight: float = 0.3
-    """Weight of edges inside the silhouette."""
+    """Weight of a finger's outline before the hand against the edges there."""
+    inner_weight: float = 0.3
+    """Weight of the edges inside the silhouette against the fingers' outlines."""
     reach_px: int = 8
     """How far along its normal a sample looks for an edge."""
     limit_std_deg: float = 3.0
@@ -55,8 +59,9 @@ class RefineSettings:
 class Prior:
     """Gaussians on the angles and the pose.
 
-    ``E = (theta - mean)' precision (theta - mean) + sum angle_weight (theta - angle)^2
-    + sum pose_weight [log(R R0'), t - t0]^2``.
+    ``E = (theta - mean)' precision (theta - mean) + sum rho(w r)``, the sum over the differences
+    ``r`` from the prediction, ``[log(R R0'), t - t0, theta - angle]``, each over its standard
+    deviation; ``rho`` saturates at ``HEAVY_TAIL``.
     """
 
     mean: Array  # (20,) of the configuration space
@@ -109,6 +114,12 @@ class Refiner:
         weight = view.contour_weights(pose, self.settings.wrist_line_mm)
         return np.column_stack([view.contour, view.normal, weight])
 
+    def inner(self, view: View, pose: Pose) -> Array:
+        """Edges inside the silhouette ``(k, 5)`` as the kernels take them."""
+        above = view.above_wrist(view.inner[:, :2], pose, self.settings.wrist_line_mm)
+        weight = self.settings.inner_weight * view.inner[:, 4] * above
+        return np.column_stack([view.inner[:, :4], weight])
+
     def __call__(
         self, view: View, pose: Pose, theta: Array, prior: Prior, steps: int, free: str = "all"
     ) -> Refined:
@@ -126,7 +137,8 @@ class Refiner:
             mask[:6] = False
         R, t, angles, energy, image, H, iterations = levenberg_marquardt(
             np.array(pose.R), np.array(pose.t_mm), np.array(theta, float),
-            self.sizes, self.parts, self.contour(view, pose), _maps(view), view.intrinsics,
+            self.sizes, self.parts, self.contour(view, pose), self.inner(view, pose),
+            _maps(view), view.intrinsics,
             self.settings.weights(), _prior(prior), self.limits,
             np.radians(self.settings.limit_std_deg), mask, steps,
         )  # fmt: skip
@@ -180,46 +192,66 @@ def prior_energy(R, t, theta, prior, limits, limit_std, H, g):  # type: ignore[n
     if full:
         g[6:] += pull
         H[6:, 6:] += precision
-    for q in range(3):
-        energy += pose_weight[q] * turn[q] ** 2 + pose_weight[3 + q] * (t[q] - t0[q]) ** 2
+    for q in range(26):
+        if q < 3:
+            r, weight = turn[q], pose_weight[q]
+        elif q < 6:
+            r, weight = t[q - 3] - t0[q - 3], pose_weight[q]
+        else:
+            r, weight = theta[q - 6] - angle[q - 6], angle_weight[q - 6]
+        z2 = weight * r * r
+        energy += HEAVY_TAIL * z2 / (HEAVY_TAIL + z2)
         if full:
-            g[q] += pose_weight[q] * turn[q]
-            g[3 + q] += pose_weight[3 + q] * (t[q] - t0[q])
-            H[q, q] += pose_weight[q]
-            H[3 + q, 3 + q] += pose_weight[3 + q]
+            weight *= (HEAVY_TAIL / (HEAVY_TAIL + z2)) ** 2
+            g[q] += weight * r
+            H[q, q] += weight
     for a in range(20):
-        r = theta[a] - angle[a]
-        energy += angle_weight[a] * r * r
         excess = min(theta[a] - limits[a, 0], 0.0) + max(theta[a] - limits[a, 1], 0.0)
         energy += (excess / limit_std) ** 2
-        if full:
-            g[6 + a] += angle_weight[a] * r + excess / limit_std**2
-            H[6 + a, 6 + a] += angle_weight[a] + (1.0 / limit_std**2 if excess != 0.0 else 0.0)
+        if full and excess != 0.0:
+            g[6 + a] += excess / limit_std**2
+            H[6 + a, 6 + a] += 1.0 / limit_std**2
     return energy
 
 
 @numba.njit(cache=True, nogil=True)
 def total_energy(  # type: ignore[no-untyped-def]
-    R, t, theta, sizes, parts, contour, maps, K, weights, prior, limits, limit_std, H, g
+    R, t, theta, sizes, parts, contour, inner, maps, K, weights, prior, limits, limit_std, H, g
 ):
     """Image part and whole of ``E``; fills ``H`` and ``g`` (zeros on entry) unless empty."""
     n = len(sizes[4])
     circles = np.empty((n, 4))
     Jc = np.empty((n, 3, 10))
     place_nodes(theta, R, t, sizes, K, circles, Jc)
-    image = image_energy(circles, parts[0], parts[1], parts[2], contour, maps, weights, Jc, H, g)
+    image = image_energy(
+        circles, parts[0], parts[1], parts[2], contour, inner, maps, weights, Jc, H, g
+    )
     return image, image + prior_energy(R, t, theta, prior, limits, limit_std, H, g)
 
 
 @numba.njit(cache=True, nogil=True)
 def levenberg_marquardt(  # type: ignore[no-untyped-def]
-    R, t, theta, sizes, parts, contour, maps, K, weights, prior, limits, limit_std, free, steps
+    R,
+    t,
+    theta,
+    sizes,
+    parts,
+    contour,
+    inner,
+    maps,
+    K,
+    weights,
+    prior,
+    limits,
+    limit_std,
+    free,
+    steps,
 ):
     """At most ``steps`` damped Gauss-Newton steps; the damping is Marquardt's."""
     no_H, no_g = np.empty((0, 0)), np.empty(0)
     H, g = np.zeros((26, 26)), np.zeros(26)
     image, energy = total_energy(
-        R, t, theta, sizes, parts, contour, maps, K, weights, prior, limits, limit_std, H, g
+        R, t, theta, sizes, parts, contour, inner, maps, K, weights, prior, limits, limit_std, H, g
     )
     damping, done = 1e-2, 0
     for step in range(steps):
@@ -235,7 +267,7 @@ def levenberg_marquardt(  # type: ignore[no-untyped-def]
         x = -np.linalg.solve(A, b)
         R1, t1, theta1 = so3_exp(x[:3]) @ R, t + x[3:6], theta + x[6:]
         image1, energy1 = total_energy(
-            R1, t1, theta1, sizes, parts, contour, maps, K, weights,
+            R1, t1, theta1, sizes, parts, contour, inner, maps, K, weights,
             prior, limits, limit_std, no_H, no_g,
         )  # fmt: skip
         if energy1 < energy:
@@ -244,7 +276,21 @@ def levenberg_marquardt(  # type: ignore[no-untyped-def]
             damping = max(damping * 0.3, 1e-5)
             H[:], g[:] = 0.0, 0.0
             total_energy(
-                R, t, theta, sizes, parts, contour, maps, K, weights, prior, limits, limit_std, H, g
+                R,
+                t,
+                theta,
+                sizes,
+                parts,
+                contour,
+                inner,
+                maps,
+                K,
+                weights,
+                prior,
+                limits,
+                limit_std,
+                H,
+                g,
             )
             if small:
                 break

@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 from handtrack.hand.skeleton import LIMITS
 from handtrack.records import Pose
 from handtrack.refine.residuals import (
-    nearest_capsule,
+    bounding_circles,
+    nearest_outline,
+    place_digit,
     place_nodes,
     rho,
     sample_energy,
@@ -24,37 +26,59 @@ from handtrack.refine.solve import Prior, Refiner, _maps, _prior, prior_energy
 from handtrack.refine.view import View
 
 Array = NDArray[np.float64]
+EXPLAINED_PX = 0.5
 
 
 @dataclass(frozen=True)
 class SweepSettings:
-    """How many samples a digit gets, and how far they spread."""
+    """How many samples a digit gets, and where they are drawn."""
 
-    samples: int = 40
+    samples: int = 90
     """Samples for each digit."""
-    local_share: float = 0.4
-    """Share drawn around the current angles; the rest runs along the line."""
-    local_std_deg: float = 12.0
-    """Spread of those."""
+    near_share: float = 0.35
+    """Share drawn around the current angles."""
+    line_share: float = 0.25
+    """Share along the line; the rest covers the digit's range."""
+    near_std_deg: float = 12.0
+    """Spread around the current angles."""
     line_std_deg: float = 7.0
-    """Spread off the line."""
+    """Spread off the line, and about the usual spread of the fingers."""
+
+
+#: In a free finger the last joint flexes about this share of the middle one.
+DIP_SHARE = 0.6
 
 
 def propose(
     theta: Array, digit: int, line: Array, settings: SweepSettings, rng: np.random.Generator
 ) -> Array:
     """Candidates ``(n, 4)`` for a digit; ``line`` ``(2, 4)`` is its extended and curled state."""
-    n_local = round(settings.samples * settings.local_share)
-    n_line = settings.samples - n_local
+    n_near = round(settings.samples * settings.near_share)
+    n_line = round(settings.samples * settings.line_share)
+    n_range = settings.samples - n_near - n_line
     here = theta[4 * digit : 4 * digit + 4]
-    local = here + rng.normal(0, np.radians(settings.local_std_deg), (n_local, 4))
-    s = (np.arange(n_line) + rng.random(n_line)) / n_line  # stratified
-    along = line[0] + s[:, None] * (line[1] - line[0])
-    if digit > 0:
-        along[:, 1] = here[1]  # a line says nothing of the spread
-    along += rng.normal(0, np.radians(settings.line_std_deg), (n_line, 4))
     limits = LIMITS[4 * digit : 4 * digit + 4]
-    return np.clip(np.vstack([local, along]), limits[:, 0], limits[:, 1])
+    off = np.radians(settings.line_std_deg)
+    near = here + rng.normal(0, np.radians(settings.near_std_deg), (n_near, 4))
+    along = line[0] + stratified(n_line, 1, rng) * (line[1] - line[0])
+    u = stratified(n_range, 2, rng)
+    free = limits[:, 0] + rng.random((n_range, 4)) * (limits[:, 1] - limits[:, 0])
+    if digit > 0:
+        free[:, 0] = limits[0, 0] + u[:, 0] * (limits[0, 1] - limits[0, 0])
+        free[:, 2] = limits[2, 0] + u[:, 1] * (limits[2, 1] - limits[2, 0])
+        free[:, 3] = DIP_SHARE * free[:, 2]
+        free[:, 1] = line[:, 1].mean()
+        for part in (along, free):  # the spread stays, or falls back to the usual
+            part[::2, 1] = here[1]
+    along += rng.normal(0, off, along.shape)
+    free += rng.normal(0, off, free.shape)
+    return np.clip(np.vstack([near, along, free]), limits[:, 0], limits[:, 1])
+
+
+def stratified(n: int, dimensions: int, rng: np.random.Generator) -> Array:
+    """Uniform samples ``(n, dimensions)``, one in each of ``n`` equal slices of every axis."""
+    slices = np.stack([rng.permutation(n) for _ in range(dimensions)], axis=1)
+    return np.asarray((slices + rng.random((n, dimensions))) / max(n, 1))
 
 
 def sweep(
@@ -73,13 +97,13 @@ def sweep(
     digit's angles only where it lowers the energy of the whole hand.
     """
     best = np.array(theta, float)
-    contour = refiner.contour(view, pose)
+    contour, inner = refiner.contour(view, pose), refiner.inner(view, pose)
     energies = np.empty((5, settings.samples))
     for digit in rng.permutation(5):
         candidates = propose(best, digit, lines[digit], settings, rng)
         here, energies[digit] = digit_energies(
             digit, candidates, best, np.array(pose.R), np.array(pose.t_mm),
-            refiner.sizes, refiner.parts, contour, _maps(view), view.intrinsics,
+            refiner.sizes, refiner.parts, contour, inner, _maps(view), view.intrinsics,
             refiner.settings.weights(), _prior(prior), refiner.limits,
             np.radians(refiner.settings.limit_std_deg),
         )  # fmt: skip
@@ -91,41 +115,60 @@ def sweep(
 
 @numba.njit(cache=True, nogil=True)
 def digit_energies(  # type: ignore[no-untyped-def]
-    d, candidates, theta, R, t, sizes, parts, contour, maps, K, weights, prior, limits, limit_std
+    d,
+    candidates,
+    theta,
+    R,
+    t,
+    sizes,
+    parts,
+    contour,
+    inner,
+    maps,
+    K,
+    weights,
+    prior,
+    limits,
+    limit_std,
 ):
     """Energy of the current angles and of each candidate ``(n,)`` of digit ``d``.
 
     Only the terms that the digit can change are summed, so values compare with each other only.
     """
     capsules, digit, bone = parts
-    n_nodes = len(sizes[4])
+    n_nodes, n_capsules = len(sizes[4]), len(capsules)
     circles = np.empty((n_nodes, 4))
     Jc = np.empty((n_nodes, 3, 10))
+    bounds = np.empty((n_capsules, 3))
     H, g = np.empty((0, 0)), np.empty(0)
     place_nodes(theta, R, t, sizes, K, circles, Jc)
-    rest = np.empty(len(contour))
-    for m in range(len(contour)):
-        rest[m] = nearest_capsule(
-            contour[m, :2], contour[m, 2:4], circles, capsules, d, digit
-        )[0]  # fmt: skip
-    own = np.where(digit == d)[0]
+    bounding_circles(circles, capsules, bounds)
+    every, own = np.arange(n_capsules), np.where(digit == d)[0]
+    # what the rest of the hand explains to half a pixel, this digit need not
+    points = np.concatenate((contour, inner))
+    rest = np.empty(len(points))
+    for k in range(len(points)):
+        facing = k < len(contour)
+        far = nearest_outline(points[k], facing, every, d, circles, capsules, digit, bounds)[0]
+        rest[k] = far if facing else abs(far)
+    still = np.where((np.abs(rest) > EXPLAINED_PX) & (points[:, 4] > 0))[0]
     c2 = weights[1]
     scale = 1.0 / (weights[0] * weights[0])
-    angles = theta.copy()
+    angles = theta.copy().reshape(1, 20)
     energies = np.empty(len(candidates) + 1)
     for n in range(len(candidates) + 1):
         if n > 0:
-            angles[4 * d : 4 * d + 4] = candidates[n - 1]
-            place_nodes(angles, R, t, sizes, K, circles, Jc)
+            angles[0, 4 * d : 4 * d + 4] = candidates[n - 1]
+            place_digit(angles, d, R, t, sizes, K, circles)
+            bounding_circles(circles, capsules, bounds)
         e = 0.0
-        for m in range(len(contour)):
-            if contour[m, 4] <= 0:
-                continue
-            near = nearest_capsule(
-                contour[m, :2], contour[m, 2:4], circles, capsules[own], -9, digit[own]
-            )[0]  # fmt: skip
-            e += contour[m, 4] * rho(min(near, rest[m]), c2)
+        for k in still:
+            facing = k < len(contour)
+            far = nearest_outline(points[k], facing, own, -9, circles, capsules, digit, bounds)[0]
+            e += points[k, 4] * rho(min(far if facing else abs(far), rest[k]), c2)
         for c in own:
-            e += sample_energy(c, circles, capsules, digit, bone, maps, weights, Jc, H, g)
-        energies[n] = e * scale + prior_energy(R, t, angles, prior, limits, limit_std, H, g)
+            e += sample_energy(
+                c, circles, capsules, digit, bone, bounds, maps, weights, Jc, H, g
+            )  # fmt: skip
+        energies[n] = e * scale + prior_energy(R, t, angles[0], prior, limits, limit_std, H, g)
     return energies[0], energies[1:]

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from handtrack.evidence.evidence import Evidence
 from handtrack.records import Pose
 
 Array = NDArray[np.float64]
@@ -23,6 +24,8 @@ class View:
     ----------
     contour, normal : (m, 2)
         Points on the silhouette's outline and their outward normals.
+    inner : (k, 5)
+        Edges inside the silhouette: x, y, unit normal of either sign, strength.
     sdf : (h, w)
         Signed distance in px to the outline, negative inside.
     edge_strength, edge_x, edge_y : (h, w)
@@ -35,12 +38,35 @@ class View:
 
     contour: NDArray[np.float64]
     normal: NDArray[np.float64]
+    inner: Array
     sdf: NDArray[np.float32]
     edge_strength: NDArray[np.float32]
     edge_x: NDArray[np.float32]
     edge_y: NDArray[np.float32]
     intrinsics: Array
     valid: Array
+
+    @classmethod
+    def of(cls, evidence: Evidence, points: int = 170) -> "View":
+        """The view of an :class:`Evidence`, its contour thinned to about ``points``."""
+        step = max(1, round(len(evidence.contour) / points))
+        camera = evidence.camera
+        y, x = (
+            np.nonzero(evidence.visible.any(axis=1))[0],
+            np.nonzero(evidence.visible.any(axis=0))[0],
+        )
+        empty = len(x) == 0
+        return cls(
+            contour=evidence.contour[::step].astype(float),
+            normal=evidence.contour_normal[::step].astype(float),
+            inner=inner_edges(evidence),
+            sdf=np.array(evidence.sdf),
+            edge_strength=np.array(evidence.edge_strength),
+            edge_x=evidence.edge_x.copy(),
+            edge_y=evidence.edge_y.copy(),
+            intrinsics=np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px]),
+            valid=np.array([0, 0, 0, 0] if empty else [x[0], y[0], x[-1] + 1, y[-1] + 1], float),
+        )
 
     def wrist_line(self, pose: Pose, wrist_y_mm: float) -> tuple[Array, Array]:
         """A point of the wrist line in px, and the unit direction from it into the hand.
@@ -52,12 +78,29 @@ class View:
         a, b = ends[:, :2] / np.maximum(ends[:, 2:], 1.0) * (fx, fy) + (cx, cy)
         return a, (b - a) / max(float(np.linalg.norm(b - a)), 1e-6)
 
+    def above_wrist(self, points: Array, pose: Pose, wrist_y_mm: float) -> NDArray[np.bool_]:
+        """Which points ``(m, 2)`` lie on the hand's side of the wrist line."""
+        a, axis = self.wrist_line(pose, wrist_y_mm)
+        return np.asarray((points - a) @ axis > 0)
+
     def contour_weights(self, pose: Pose, wrist_y_mm: float, border_px: float = 2.0) -> Array:
         """Weights ``(m,)``: 0 below the wrist line and at the frame's border, else 1."""
-        a, axis = self.wrist_line(pose, wrist_y_mm)
-        above = (self.contour - a) @ axis > 0
+        above = self.above_wrist(self.contour, pose, wrist_y_mm)
         x0, y0, x1, y1 = self.valid
         x, y = self.contour.T
         inside = (x > x0 + border_px) & (x < x1 - border_px)
         inside &= (y > y0 + border_px) & (y < y1 - border_px)
         return (above & inside).astype(float)
+
+
+def inner_edges(evidence: Evidence, depth_px: float = 4.0, most: int = 160) -> Array:
+    """The strongest edges ``(k, 5)`` at least ``depth_px`` inside the silhouette."""
+    points, normals = evidence.edge_points, evidence.edge_normals
+    if len(points) == 0:
+        return np.empty((0, 5))
+    h, w = evidence.sdf.shape
+    at = np.clip(points.round().astype(int), 0, (w - 1, h - 1))
+    strength = evidence.edge_point_strength
+    deep = np.flatnonzero(evidence.sdf[at[:, 1], at[:, 0]] < -depth_px)
+    kept = deep[np.argsort(-strength[deep], kind="stable")[:most]]
+    return np.column_stack([points[kept], normals[kept], strength[kept]]).astype(float)

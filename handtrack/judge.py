@@ -1,0 +1,51 @@
+"""How well an estimate explains a frame: the overlap of silhouettes, and the status it earns."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from handtrack.estimate import Estimate
+from handtrack.fingers.silhouette import SilhouetteBits, capsule_overlap
+from handtrack.hand.capsules import CapsuleHand
+from handtrack.records import Status
+from handtrack.refine.view import View
+
+
+@dataclass(frozen=True)
+class JudgeSettings:
+    """When a hand counts as seen, and when as lost."""
+
+    tracked_overlap: float = 0.78
+    """Intersection over union of the silhouettes above the wrist from which a frame is tracked."""
+    lost_overlap: float = 0.35
+    """Below this the hand is not where the model is."""
+    patience: int = 15
+    """Frames without a tracked one after which the hand is lost."""
+    wrist_line_mm: float = 6.0
+    """The evidence stops this far above the wrist."""
+
+
+def overlap(hand: CapsuleHand, estimate: Estimate, view: View, wrist_line_mm: float) -> float:
+    """Intersection over union of model and silhouette above the wrist, inside the frame."""
+    pose = estimate.pose
+    return float(
+        capsule_overlap(
+            hand, estimate.theta[None], pose.R[None], pose.t_mm[None], view.intrinsics,
+            SilhouetteBits.of(view), wrist_line_mm,
+        )[0]
+    )  # fmt: skip
+
+
+def confidence(overlap: float, settings: JudgeSettings) -> float:
+    """From 0 where the hand counts as lost to 1 where model and silhouette agree to 95 %."""
+    span = 0.95 - settings.lost_overlap
+    return float(np.clip((overlap - settings.lost_overlap) / span, 0.0, 1.0))
+
+
+def status_of(overlap: float, misses: int, settings: JudgeSettings) -> Status:
+    """Tracked if the silhouettes agree; else predicted until patience or the hand is gone."""
+    if overlap >= settings.tracked_overlap:
+        return Status.TRACKED
+    if overlap < settings.lost_overlap or misses > settings.patience:
+        return Status.LOST
+    return Status.PREDICTED

@@ -1,0 +1,170 @@
+"""The default method: divide and conquer, then palm and fingers refined together.
+
+One frame::
+
+    move the prediction to where the silhouette is
+    palm: refine the six numbers of its pose, fingers held          (few steps)
+    all: refine                                                    -> candidate
+    fingers: one sweep of samples a digit on the whole hand, then refine all -> candidate
+    keep the candidate of lowest energy
+
+Search before refinement is what keeps it out of local minima; refinement is what makes it exact.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack.estimate import Estimate
+from handtrack.hand.capsules import CapsuleHand
+from handtrack.hand.shape import HandShape
+from handtrack.hand.space import ConfigurationSpace
+from handtrack.records import Pose
+from handtrack.refine.solve import Prior, Refined, Refiner, RefineSettings
+from handtrack.refine.sweep import SweepSettings, sweep
+from handtrack.refine.view import View
+from handtrack.window import shifted_pose
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RefinedSettings:
+    """Steps and priors of the default method."""
+
+    palm_steps: int = 5
+    """Refinement steps on the palm alone."""
+    first_steps: int = 8
+    """Steps on everything before the sweep."""
+    last_steps: int = 6
+    """Steps on everything after it."""
+    angle_std_deg: float = 10.0
+    """How far an angle moves from frame to frame."""
+    turn_std_deg: float = 8.0
+    """How far the palm turns from its prediction."""
+    shift_std_mm: float = 20.0
+    """How far it moves from its prediction."""
+    widen: float = 2.25
+    """Factor on the covariance of the configuration space."""
+    floor_deg: float = 6.0
+    """Standard deviation added to it in every direction."""
+    spread: float = 1.0
+    """Factor on the stated standard deviations."""
+    energy: RefineSettings = field(default_factory=RefineSettings)
+    """The energy's weights."""
+    sweep: SweepSettings = field(default_factory=SweepSettings)
+    """The samples."""
+
+
+class RefinedMethod:
+    """Follow a hand of one shape by search and refinement."""
+
+    def __init__(
+        self, shape: HandShape, space: ConfigurationSpace, settings: RefinedSettings
+    ) -> None:
+        self.shape, self.space, self.settings = shape, space, settings
+        self.hand = CapsuleHand(shape)
+        self.refiner = Refiner(self.hand, settings.energy)
+        covariance = settings.widen * space.covariance
+        covariance = covariance + np.radians(settings.floor_deg) ** 2 * np.eye(20)
+        self.precision = np.linalg.inv(covariance)
+        self.lines = digit_lines(space)
+
+    def prior(self, predicted: Estimate, loose: float = 1.0) -> Prior:
+        """Prior about a prediction; ``loose`` multiplies its standard deviations."""
+        s = self.settings
+        turn, shift = np.radians(s.turn_std_deg) * loose, s.shift_std_mm * loose
+        return Prior(
+            mean=self.space.mean,
+            precision=self.precision,
+            angle=predicted.theta,
+            angle_weight=np.full(20, 1 / (np.radians(s.angle_std_deg) * loose) ** 2),
+            pose=predicted.pose,
+            pose_weight=np.array([1 / turn**2] * 3 + [1 / shift**2] * 3),
+        )
+
+    def follow(self, view: View, predicted: Estimate, rng: np.random.Generator) -> Estimate:
+        """The hand in this frame, from where it was expected."""
+        s, refine = self.settings, self.refiner
+        start = self.moved(view, predicted)
+        prior = self.prior(Estimate(start, predicted.theta, predicted.theta_std))
+        palm = refine(view, start, predicted.theta, prior, s.palm_steps, free="palm")
+        return self._search(view, palm.pose, palm.theta, prior, rng)
+
+    def settle(self, view: View, seed: Estimate) -> Estimate:
+        """Slide a seed of unknown quality into the nearest minimum."""
+        prior = self.prior(seed, loose=4.0)
+        palm = self.refiner(view, seed.pose, seed.theta, prior, 5, free="palm")
+        return self.estimate(self.refiner(view, palm.pose, palm.theta, prior, 8), np.nan)
+
+    def search(self, view: View, seed: Estimate, rng: np.random.Generator) -> Estimate:
+        """Sweep and refine from a seed, with a loose prior about it."""
+        return self._search(view, seed.pose, seed.theta, self.prior(seed, loose=4.0), rng)
+
+    def _search(
+        self, view: View, pose: Pose, theta: Array, prior: Prior, rng: np.random.Generator
+    ) -> Estimate:
+        s, refine = self.settings, self.refiner
+        first = refine(view, pose, theta, prior, s.first_steps)
+        swept, energies = sweep(
+            refine, view, first.pose, first.theta, prior, self.lines, s.sweep, rng
+        )
+        second = refine(view, first.pose, swept, prior, s.last_steps)
+        best = min(first, second, key=lambda r: r.energy)
+        return self.estimate(best, effective_samples(energies))
+
+    def moved(self, view: View, predicted: Estimate) -> Pose:
+        """The predicted pose, shifted to the silhouette where that lowers the energy."""
+        prior = self.prior(predicted)
+        candidates = [predicted.pose]
+        candidates += [
+            shifted_pose(predicted.pose, shift, view.intrinsics)
+            for shift in self.shifts(view, predicted)
+        ]
+        return min(
+            candidates,
+            key=lambda pose: self.refiner(view, pose, predicted.theta, prior, 0).image_energy,
+        )
+
+    def shifts(self, view: View, predicted: Estimate) -> list[Array]:
+        """Image shifts from the model's middle to the silhouette's, whole and half."""
+        circles = self.hand.circles_px(
+            predicted.theta[None], predicted.pose.R, predicted.pose.t_mm, view.intrinsics
+        )[0]
+        weight = view.contour_weights(predicted.pose, self.settings.energy.wrist_line_mm) > 0
+        if weight.sum() < 10:
+            return []
+        contour = view.contour[weight]
+        low, high = (
+            (circles[:, :2] - circles[:, 2:3]).min(axis=0),
+            (circles[:, :2] + circles[:, 2:3]).max(axis=0),
+        )
+        top = contour.min(axis=0) - low, contour.max(axis=0) - high
+        whole = 0.5 * (top[0] + top[1])
+        return [whole, 0.5 * whole, top[0], top[1]]
+
+    def estimate(self, refined: Refined, ess: float) -> Estimate:
+        """An :class:`Estimate` with the spread that the curvature of the energy gives."""
+        covariance = np.linalg.pinv(refined.information)
+        std = np.sqrt(np.maximum(np.diag(covariance)[6:], 1e-8)) * self.settings.spread
+        return Estimate(refined.pose, refined.theta, std, ess, refined.energy)
+
+
+def effective_samples(energies: Array) -> float:
+    """Mean over digits of ``1 / sum w^2`` for weights ``exp(-E / 2)``, of energies ``(5, n)``."""
+    w = np.exp(-0.5 * (energies - energies.min(axis=1, keepdims=True)))
+    w /= w.sum(axis=1, keepdims=True)
+    return float(np.mean(1.0 / np.sum(w**2, axis=1)))
+
+
+def digit_lines(space: ConfigurationSpace) -> Array:
+    """Extended and curled state of each digit ``(5, 2, 4)``, means over the basis states."""
+    theta = space.to_angles(space.basis_X).reshape(-1, 5, 4)
+    curled = space.basis_curled
+    return np.array(
+        [
+            [theta[~curled[:, d], d].mean(axis=0), theta[curled[:, d], d].mean(axis=0)]
+            for d in range(5)
+        ]
+    )

@@ -1,0 +1,52 @@
+"""From the tracked model (always a right hand, perhaps in a mirrored image) to the hand as filmed.
+
+A left hand is the mirror image of the model. With ``S = diag(-1, 1, 1)`` a model point
+``X = R p + t`` is filmed at ``S X``; in the left hand's own palm frame the point is ``S p``, so the
+pose reported is ``S R S``, ``S t``. The 20 angles stay the same.
+"""
+
+import numpy as np
+
+from handtrack.camera import Camera
+from handtrack.estimate import Estimate
+from handtrack.hand.kinematics import keypoints_mm
+from handtrack.hand.shape import HandShape
+from handtrack.records import Frame, FrameResult, Pose, Status
+
+MIRROR = np.diag([-1.0, 1.0, 1.0])
+
+
+def unmirrored(pose: Pose) -> Pose:
+    """The pose of the filmed left hand that is tracked as a right hand in the mirror."""
+    return Pose(MIRROR @ pose.R @ MIRROR, MIRROR @ pose.t_mm)
+
+
+def result_of(
+    frame: Frame,
+    estimate: Estimate,
+    status: Status,
+    confidence: float,
+    side: str,
+    shape: HandShape,
+    camera: Camera,
+) -> FrameResult:
+    """The record of one frame; ``camera`` is that of the clip as filmed."""
+    keypoints = keypoints_mm(estimate.theta, shape)
+    pose = estimate.pose
+    if side == "left":
+        pose, keypoints = unmirrored(pose), keypoints @ MIRROR
+    in_camera = pose @ keypoints
+    return FrameResult(
+        index=frame.index,
+        time_s=frame.time_s,
+        status=status,
+        side=side,
+        confidence=confidence,
+        ess=estimate.ess,
+        R=pose.R,
+        t_mm=pose.t_mm,
+        theta=estimate.theta,
+        theta_std=estimate.theta_std,
+        keypoints_px=camera.project(in_camera),
+        keypoints_mm=in_camera,
+    )

@@ -1,0 +1,152 @@
+"""Find the hand in a silhouette with no idea of its pose: many seeds, a quick score, refinement.
+
+Seeds place the palm where the silhouette holds the largest discs, at the depth that fits their
+size, in every direction in the image, tilted a little or not, with the fingers at a basis
+configuration or between two of them. Overlap of the silhouettes ranks thousands of them in tens of
+milliseconds; the best and most diverse are refined, and the lowest energy wins. A seed proposer
+is one function, evidence in, weighted hypotheses out; others may join.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack import rotation
+from handtrack.estimate import Estimate
+from handtrack.fingers.silhouette import SilhouetteBits, capsule_overlap
+from handtrack.hand.space import ConfigurationSpace
+from handtrack.records import Pose
+from handtrack.refine.view import View
+from handtrack.refined import RefinedMethod
+
+Array = NDArray[np.float64]
+#: Rotation of a palm that faces the camera, fingers up; and of the back of a hand.
+FACING = {"palm": np.diag([1.0, -1.0, -1.0]), "back": np.diag([-1.0, -1.0, 1.0])}
+
+
+@dataclass(frozen=True)
+class SeedSettings:
+    """How many seeds, and how many of them survive each round."""
+
+    seeds: int = 3000
+    """Seeds that are scored by overlap."""
+    kept: int = 10
+    """Seeds that are refined a little."""
+    finalists: int = 3
+    """Of those, how many are swept and refined to the end."""
+    tilt_std_deg: float = 18.0
+    """Spread of the palm's tilt."""
+    depth_std: float = 0.12
+    """Spread of the depth, relative."""
+
+
+def find_hand(
+    view: View,
+    method: RefinedMethod,
+    facings: tuple[str, ...],
+    rng: np.random.Generator,
+    settings: SeedSettings | None = None,
+    known: Estimate | None = None,
+) -> tuple[Estimate, float] | None:
+    """The best estimate in a silhouette, and its overlap; None where there is no silhouette.
+
+    ``known`` (an earlier estimate) joins the configurations and the depths.
+    """
+    settings = settings or SeedSettings()
+    discs = largest_discs(view)
+    if not discs:
+        return None
+    bits = SilhouetteBits.of(view)
+    line_mm = method.settings.energy.wrist_line_mm
+    theta, R, t = draw_seeds(view, method, discs, facings, rng, settings, known)
+    score = capsule_overlap(method.hand, theta, R, t, view.intrinsics, bits, line_mm)
+    std = np.full(20, np.radians(30.0))
+    starts = [
+        Estimate(Pose(R[k], t[k]), theta[k], std) for k in diverse(score, R, theta, settings.kept)
+    ]
+    found = [method.settle(view, start) for start in starts]
+    found.sort(key=lambda e: e.energy)
+    best = min(
+        (method.search(view, e, rng) for e in found[: settings.finalists]), key=lambda e: e.energy
+    )
+    overlap = capsule_overlap(
+        method.hand, best.theta[None], best.pose.R[None], best.pose.t_mm[None],
+        view.intrinsics, bits, line_mm,
+    )  # fmt: skip
+    return best, float(overlap[0])
+
+
+def largest_discs(view: View, most: int = 3) -> list[tuple[Array, float]]:
+    """Centres and radii in px of the largest discs inside the silhouette, apart from each other."""
+    inside = np.maximum(-view.sdf, 0)
+    discs: list[tuple[Array, float]] = []
+    for _ in range(most):
+        _, radius, _, (x, y) = cv2.minMaxLoc(inside)
+        if radius < 4 or (discs and radius < 0.6 * discs[0][1]):
+            break
+        discs.append((np.array([x, y], float), float(radius)))
+        cv2.circle(inside, (x, y), int(1.3 * radius), 0.0, -1)
+    return discs
+
+
+def draw_seeds(
+    view: View,
+    method: RefinedMethod,
+    discs: list[tuple[Array, float]],
+    facings: tuple[str, ...],
+    rng: np.random.Generator,
+    settings: SeedSettings,
+    known: Estimate | None,
+) -> tuple[Array, Array, Array]:
+    """Angles ``(n, 20)``, rotations ``(n, 3, 3)`` and translations ``(n, 3)``."""
+    n = settings.seeds
+    shape = method.shape
+    fx, fy, cx, cy = view.intrinsics
+    which = rng.integers(len(discs), size=n)
+    centre = np.array([d[0] for d in discs])[which]
+    radius = np.array([d[1] for d in discs])[which]
+    # the palm's largest disc: its centre a little over half way to the knuckles
+    palm_centre = np.array([-0.03, 0.52, 0.0]) * shape.palm_length_mm
+    disc_mm = 0.5 * float(np.ptp(shape.palm_outline_mm[:, 0])) * 0.92
+    z = fx * disc_mm / radius * np.exp(rng.normal(0, settings.depth_std, n))
+    if known is not None:
+        z[::2] = known.pose.t_mm[2] * np.exp(rng.normal(0, 0.5 * settings.depth_std, len(z[::2])))
+    spin = rotation.about_z(rng.uniform(-np.pi, np.pi, n))
+    tilt = rotation.exp(
+        np.column_stack([rng.normal(0, np.radians(settings.tilt_std_deg), (n, 2)), np.zeros(n)])
+    )
+    face = np.array([FACING[f] for f in facings])[rng.integers(len(facings), size=n)]
+    # tilt about the image's axes, relative to the line of sight
+    at = np.column_stack([(centre - (cx, cy)) / (fx, fy), np.ones(n)]) * z[:, None]
+    R = tilt @ spin @ face
+    t = at - np.einsum("nij,j->ni", R, palm_centre)
+    theta = draw_configurations(method.space, n, rng)
+    if known is not None:
+        theta[: n // 8] = known.theta
+    return theta, R, t
+
+
+def draw_configurations(space: ConfigurationSpace, n: int, rng: np.random.Generator) -> Array:
+    """Angles ``(n, 20)``: half at basis states, half on the lines between two of them."""
+    theta = space.to_angles(space.basis_X)
+    i, j = rng.integers(len(theta), size=(2, n))
+    s = np.where(rng.random(n) < 0.5, 0.0, rng.random(n))[:, None]
+    return np.asarray((1 - s) * theta[i] + s * theta[j])
+
+
+def diverse(score: Array, R: Array, theta: Array, most: int) -> list[int]:
+    """Indices of high scores that differ in direction (15 deg) or in some finger (40 deg)."""
+    chosen: list[int] = []
+    for k in np.argsort(-score)[: 40 * most]:
+        new = all(
+            rotation.angle_between(R[k], R[c]) > np.radians(15)
+            or np.abs(theta[k] - theta[c]).max() > np.radians(40)
+            for c in chosen
+        )
+        if new:
+            chosen.append(int(k))
+        if len(chosen) == most:
+            break
+    return chosen

@@ -1,0 +1,154 @@
+"""How tracking starts: candidate silhouettes, a hand among them, its side and its shape.
+
+An open palm that faces the camera is best: its silhouette gives the shape (bone lengths, thumb,
+axes), the pose and the side at once. Where no frame shows one, any silhouette into which the hand
+(given, or the default adult) can be fitted well starts tracking too, and the shape is calibrated
+when an open palm comes by.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack.camera import Camera
+from handtrack.estimate import Estimate
+from handtrack.evidence.evidence import Evidence, see, window_around
+from handtrack.evidence.silhouette import Segmenter
+from handtrack.hand.shape import HandShape
+from handtrack.records import Pose
+from handtrack.refine.view import View
+from handtrack.refined import RefinedMethod
+from handtrack.seeds import find_hand
+
+#: Standard deviation of an angle just after the start.
+START_STD = np.radians(8.0)
+
+
+class Calibration(Protocol):
+    """What a calibrator says of a silhouette (``calib.hand.CalibrationResult``)."""
+
+    shape: HandShape
+    pose: Pose
+    theta: NDArray[np.float64]
+    side: str
+    quality: float
+
+    @property
+    def ok(self) -> bool:
+        """Whether a hand was found and fitted."""
+        ...
+
+
+#: ``calibrate(mask, camera, default, side, facing) -> Calibration``; None: never calibrate.
+Calibrate = Callable[..., Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """A hand found with no idea where it was; of a left hand everything is mirrored."""
+
+    shape: HandShape
+    estimate: Estimate
+    side: str
+    segmenter: Segmenter
+    overlap: float
+    calibrated: bool
+
+
+@dataclass(frozen=True)
+class StartSettings:
+    """What is believed at the start."""
+
+    candidates: int = 4
+    """Silhouettes that are looked at in a frame."""
+    min_quality: float = 0.35
+    """Quality of an open hand from which its shape is calibrated."""
+    min_overlap: float = 0.88
+    """Overlap from which a hand that is not open is believed."""
+    min_margin: float = 0.015
+    """Overlap by which one side must beat the other, where the side is not told."""
+
+
+def calibrated_start(
+    image: NDArray[np.uint8],
+    camera: Camera,
+    calibrate: Calibrate,
+    default: HandShape,
+    side: str,
+    facing: str,
+    settings: StartSettings,
+) -> Start | None:
+    """A start from an open palm in one of the frame's candidate silhouettes."""
+    best: Start | None = None
+    for candidate in Segmenter.bootstrap(image)[: settings.candidates]:
+        segmenter = Segmenter.from_mask(image, candidate.mask)
+        evidence = see(image, window_around(candidate.mask), camera, segmenter)
+        found = calibrate(
+            evidence.mask,
+            evidence.camera,
+            default=default,
+            side=None if side == "auto" else side,
+            facing=facing,
+        )
+        if found.ok and found.quality > settings.min_quality:
+            start = Start(
+                shape=found.shape,
+                estimate=Estimate(found.pose, found.theta, np.full(20, START_STD)),
+                side=found.side,
+                segmenter=segmenter.mirrored() if found.side == "left" else segmenter,
+                overlap=found.quality,
+                calibrated=True,
+            )
+            if best is None or start.overlap > best.overlap:
+                best = start
+    return best
+
+
+def searched_start(
+    image: NDArray[np.uint8],
+    camera: Camera,
+    make_method: Callable[[HandShape], RefinedMethod],
+    shape: HandShape,
+    side: str,
+    facing: str,
+    rng: np.random.Generator,
+    settings: StartSettings,
+) -> Start | None:
+    """A start from any pose: the given shape fitted to the frame's candidate silhouettes."""
+    method = make_method(shape)
+    starts: list[Start] = []
+    for candidate in Segmenter.bootstrap(image)[:2]:
+        for tried in ("right", "left") if side == "auto" else (side,):
+            flip = tried == "left"
+            picture = np.ascontiguousarray(image[:, ::-1]) if flip else image
+            mask = candidate.mask[:, ::-1] if flip else candidate.mask
+            segmenter = Segmenter.from_mask(picture, mask)
+            seen_by = camera.mirrored() if flip else camera
+            evidence = see(picture, window_around(mask), seen_by, segmenter)
+            found = find_hand(View.of(evidence), method, (facing,), rng)
+            if found is not None:
+                starts.append(Start(shape, found[0], tried, segmenter, found[1], False))
+    starts.sort(key=lambda s: -s.overlap)
+    if not starts or starts[0].overlap < settings.min_overlap:
+        return None
+    rivals = [s for s in starts[1:] if s.side != starts[0].side]
+    if rivals and starts[0].overlap - rivals[0].overlap < settings.min_margin:
+        return None  # either side would do: wait for a frame that tells
+    return starts[0]
+
+
+def recalibrated(
+    evidence: Evidence,
+    calibrate: Calibrate,
+    default: HandShape,
+    facing: str,
+    settings: StartSettings,
+) -> Calibration | None:
+    """The shape from a tracked frame, if it shows an open palm; mirrored as the tracker is."""
+    found: Calibration = calibrate(
+        evidence.mask, evidence.camera, default=default, side="right", facing=facing
+    )
+    return found if found.ok and found.quality > settings.min_quality else None

@@ -1,0 +1,282 @@
+"""The loop: see, palm and fingers, report; and what happens when there is no hand.
+
+One frame with a hand in track::
+
+    image    the frame, flipped if the hand is a left one
+    view     evidence in the window where the hand should be
+    estimate the method's palm <-> fingers alternation from the prediction
+    status   does the model explain the silhouette? else look for the hand anew
+
+The tracked model is always a right hand; :mod:`handtrack.report` turns it into the hand as filmed.
+"""
+
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack import rotation
+from handtrack.camera import Camera
+from handtrack.estimate import Estimate
+from handtrack.evidence.evidence import Evidence, see, window_around
+from handtrack.evidence.silhouette import Segmenter
+from handtrack.hand.shape import HandShape
+from handtrack.hand.space import ConfigurationSpace
+from handtrack.judge import JudgeSettings, confidence, overlap, status_of
+from handtrack.records import Frame, FrameResult, Pose, Status
+from handtrack.refine.view import View
+from handtrack.refined import RefinedMethod, RefinedSettings
+from handtrack.report import result_of
+from handtrack.seeds import find_hand
+from handtrack.start import (
+    Calibrate,
+    Start,
+    StartSettings,
+    calibrated_start,
+    recalibrated,
+    searched_start,
+)
+from handtrack.window import window_for
+
+Image = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class TrackerSettings:
+    """What the tracker is told."""
+
+    method: Literal["refined", "paper", "condensation", "random"] = "refined"
+    """How a frame is worked out."""
+    side: Literal["auto", "right", "left"] = "auto"
+    """Which hand it is; auto: told by the thumb."""
+    facing: Literal["palm", "back"] = "palm"
+    """Which way the hand faces at the start."""
+    particles: int | None = None
+    """Particles of the filters; by default what the paper gives each."""
+    seed: int = 0
+    """Seed of all randomness."""
+    start: StartSettings = field(default_factory=StartSettings)
+    judge: JudgeSettings = field(default_factory=JudgeSettings)
+    refined: RefinedSettings = field(default_factory=RefinedSettings)
+
+
+class Track:
+    """A hand in track: its shape and side, where it is, and how it moves."""
+
+    def __init__(self, start: Start, method: RefinedMethod) -> None:
+        self.shape, self.side, self.segmenter = start.shape, start.side, start.segmenter
+        self.method = method
+        self.estimate = start.estimate
+        self.calibrated = start.calibrated
+        self.turn = np.zeros(3)  # rotation vector per frame
+        self.shift_mm = np.zeros(3)
+        self.misses = 0
+        self.lost = False
+        self.fresh = True
+
+    def predicted(self) -> Estimate:
+        """Constant velocity of the palm, damped; the angles as they were."""
+        pose = self.estimate.pose
+        R = rotation.exp(0.5 * self.turn) @ pose.R
+        return replace(self.estimate, pose=Pose(R, pose.t_mm + 0.7 * self.shift_mm))
+
+    def accept(self, estimate: Estimate, status: Status) -> None:
+        """Take an estimate over, with the motion it implies."""
+        before, pose = self.estimate.pose, estimate.pose
+        seen = status is Status.TRACKED
+        self.misses = 0 if seen else self.misses + 1
+        self.lost = status is Status.LOST
+        if seen and not self.fresh:
+            self.turn = rotation.log(pose.R @ before.R.T)
+            self.shift_mm = pose.t_mm - before.t_mm
+        else:
+            self.turn, self.shift_mm = np.zeros(3), np.zeros(3)
+        self.fresh = not seen
+        if not self.lost:
+            self.estimate = estimate
+
+
+class Tracker:
+    """Follows one hand from frame to frame.
+
+    Parameters
+    ----------
+    settings : TrackerSettings
+    camera : Camera
+        Of the clip as filmed.
+    shape : HandShape, optional
+        A calibrated hand; without one the shape is calibrated from an open palm if ``calibrate``
+        is given, and the default adult hand is assumed before that.
+    space : ConfigurationSpace, optional
+        The shipped one by default.
+    calibrate : optional
+        ``calib.hand.calibrate_hand``, handed in by whoever may import it.
+    """
+
+    def __init__(
+        self,
+        settings: TrackerSettings,
+        camera: Camera,
+        shape: HandShape | None = None,
+        space: ConfigurationSpace | None = None,
+        calibrate: Calibrate | None = None,
+    ) -> None:
+        self.settings, self.camera, self.given, self.calibrate = settings, camera, shape, calibrate
+        self.space = space or ConfigurationSpace.default()
+        self.rng = np.random.default_rng(settings.seed)
+        self.track: Track | None = None
+        self.waited = 0
+        self.last_evidence: Evidence | None = None
+        self.timings_ms: dict[str, list[float]] = defaultdict(list)
+
+    def step(self, frame: Frame) -> FrameResult:
+        """What is known of the hand in this frame; frames come in order of time."""
+        if frame.image is None:
+            return FrameResult.unknown(frame.index, frame.time_s, Status.UNDECODABLE)
+        if self.track is None:
+            with self._timed("start"):
+                self._start(frame.image)
+        if self.track is None:
+            return FrameResult.unknown(frame.index, frame.time_s)
+        return self._follow(frame, frame.image, self.track)
+
+    @property
+    def shape(self) -> HandShape:
+        """The hand that is tracked."""
+        if self.track is not None:
+            return self.track.shape
+        return self.given or HandShape.default()
+
+    @contextmanager
+    def _timed(self, stage: str) -> Iterator[None]:
+        begin = time.perf_counter()
+        yield
+        self.timings_ms[stage].append(1e3 * (time.perf_counter() - begin))
+
+    def _method(self, shape: HandShape) -> RefinedMethod:
+        return RefinedMethod(shape, self.space, self.settings.refined)
+
+    def _start(self, image: Image) -> None:
+        """Begin a track on an open palm, or after some waiting on whatever fits well."""
+        s = self.settings
+        start: Start | None = None
+        default = self.given or HandShape.default()
+        if self.given is None and self.calibrate is not None:
+            start = calibrated_start(
+                image, self.camera, self.calibrate, default, s.side, s.facing, s.start
+            )
+        if start is None and self.waited % 5 == 0:
+            start = searched_start(
+                image, self.camera, self._method, default, s.side, s.facing, self.rng, s.start
+            )
+        self.waited += 1
+        if start is not None:
+            self.track = Track(start, self._method(start.shape))
+
+    def _follow(self, frame: Frame, filmed: Image, track: Track) -> FrameResult:
+        image = np.ascontiguousarray(filmed[:, ::-1]) if track.side == "left" else filmed
+        if track.lost:
+            self._recover(image, track)
+        with self._timed("evidence"):
+            predicted = track.predicted()
+            evidence, view = self._see(image, track, predicted)
+        with self._timed("method"):
+            estimate = track.method.follow(view, predicted, self.rng)
+        with self._timed("judge"):
+            line_mm = self.settings.judge.wrist_line_mm
+            agreement = overlap(track.method.hand, estimate, view, line_mm)
+            if agreement < self.settings.judge.tracked_overlap:
+                estimate, agreement = self._look_again(view, track, estimate, agreement)
+            status = status_of(agreement, track.misses, self.settings.judge)
+        track.accept(estimate, status)
+        if status is Status.TRACKED:
+            with self._timed("learn"):
+                self._learn(image, track, evidence, view, agreement)
+        self.last_evidence = evidence
+        if status is Status.LOST:
+            return FrameResult.unknown(frame.index, frame.time_s, side=track.side)
+        return result_of(
+            frame,
+            estimate,
+            status,
+            confidence(agreement, self.settings.judge),
+            track.side,
+            track.shape,
+            self.camera,
+        )
+
+    def _see(self, image: Image, track: Track, predicted: Estimate) -> tuple[Evidence, View]:
+        camera = self._tracked_camera(track)
+        window = window_for(predicted.pose, track.shape, camera)
+        seed = model_mask(track.method, predicted, camera.through(window))
+        evidence = see(image, window, camera, track.segmenter, seed)
+        return evidence, View.of(evidence)
+
+    def _tracked_camera(self, track: Track) -> Camera:
+        return self.camera.mirrored() if track.side == "left" else self.camera
+
+    def _look_again(
+        self, view: View, track: Track, estimate: Estimate, agreement: float
+    ) -> tuple[Estimate, float]:
+        """A search with no idea of the pose, now and then, where following has failed."""
+        if track.misses % 4 != 1:
+            return estimate, agreement
+        found = find_hand(view, track.method, ("palm", "back"), self.rng, known=track.estimate)
+        return found if found is not None and found[1] > agreement + 0.03 else (estimate, agreement)
+
+    def _recover(self, image: Image, track: Track) -> None:
+        """Look for a lost hand in the whole frame."""
+        if track.misses % 3 != 0:
+            track.misses += 1
+            return
+        camera = self._tracked_camera(track)
+        for candidate in Segmenter.bootstrap(image, track.segmenter.background)[:2]:
+            evidence = see(image, window_around(candidate.mask), camera, track.segmenter)
+            found = find_hand(
+                View.of(evidence), track.method, ("palm", "back"), self.rng, known=track.estimate
+            )
+            if found is not None and found[1] > self.settings.judge.tracked_overlap:
+                track.estimate, track.fresh, track.misses = found[0], True, 0
+                return
+
+    def _learn(
+        self, image: Image, track: Track, evidence: Evidence, view: View, agreement: float
+    ) -> None:
+        """Colours, background, and the shape if it is still the default's."""
+        if agreement > 0.88:
+            mask = evidence.mask.astype(np.uint8)
+            kernel = np.ones((5, 5), np.uint8)
+            track.segmenter.learn(
+                evidence.image, cv2.erode(mask, kernel) > 0, cv2.dilate(mask, kernel) == 0
+            )
+            track.segmenter.watch(image, evidence.mask, evidence.window)
+        wanted = not track.calibrated and self.given is None and self.calibrate is not None
+        if wanted and self.calibrate is not None and len(self.timings_ms["learn"]) % 5 == 0:
+            found = recalibrated(
+                evidence, self.calibrate, HandShape.default(), self.settings.facing,
+                self.settings.start,
+            )  # fmt: skip
+            if found is not None:
+                track.shape, track.calibrated = found.shape, True
+                track.method = self._method(found.shape)
+                track.estimate = Estimate(found.pose, found.theta, track.estimate.theta_std)
+
+
+def model_mask(method: RefinedMethod, estimate: Estimate, camera: Camera) -> NDArray[np.bool_]:
+    """The predicted silhouette ``(h, w)`` in a window."""
+    K = np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px])
+    circles = method.hand.circles_px(estimate.theta[None], estimate.pose.R, estimate.pose.t_mm, K)[
+        0
+    ]
+    mask = np.zeros((camera.height_px, camera.width_px), np.uint8)
+    for a, b in method.hand.capsule_node:
+        ends = circles[[a, b], :2].round().astype(int)
+        width = max(1, round(float(circles[a, 2] + circles[b, 2])))
+        cv2.line(mask, ends[0].tolist(), ends[1].tolist(), 1, min(width, 255))
+    return np.asarray(mask > 0)
