@@ -1,0 +1,381 @@
+"""The commands ``handtrack markers attach``, ``markers rank`` and ``handover``."""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import tyro
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from handtrack import rotation
+from handtrack.errors import InputError, NothingUsableError, OutputError
+from handtrack.hand.kinematics import keypoints_mm
+from handtrack.mocap import page
+from handtrack.mocap.attach import attach, disturbed, find_mapping
+from handtrack.mocap.bvh import read_bvh
+from handtrack.mocap.database import Database, read_database, root_labels
+from handtrack.mocap.handover import (
+    Handover,
+    Reconstruction,
+    check_query,
+    columns,
+    in_root,
+    reconstruct,
+)
+from handtrack.mocap.marker_io import SUFFIXES, read_markers, write_markers
+from handtrack.mocap.marker_sets import MarkerSet, marker_set
+from handtrack.mocap.markers import Gap, Markers, joined
+from handtrack.mocap.ranking import Ranking, greedy, rank
+from handtrack.mocap.regression import Regression
+from handtrack.mocap.root import RootLink, reference_of, root_relative
+from handtrack.output.bvh import write_hand_bvh
+from handtrack.output.files import hidden_beside, open_whole, output_folder, put_in_place
+from handtrack.output.provenance import RUN_JSON, versions, write_provenance
+from handtrack.output.table import ANGLES_CSV, TableWriter
+from handtrack.records import Status
+from handtrack.trajectory import Trajectory, angle_columns
+
+Array = NDArray[np.float64]
+Out = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
+
+
+@dataclass(frozen=True)
+class MarkersAttach:
+    """Put virtual markers on the moving skeleton of a BVH file."""
+
+    motion: tyro.conf.Positional[Path]
+    """The BVH file."""
+    set: str = "full13"
+    """The marker set: which markers, and where each sits."""
+    set_file: Path | None = None
+    """A TOML file of marker sets in place of those that ship."""
+    mapping: str = "auto"
+    """Which joint is which: manipnet, handtrack, a TOML file, or auto."""
+    out: Out = Path("markers.c3d")
+    """Where to write them: .c3d, .trc, .tsv or .csv."""
+    noise_mm: float = 0.0
+    """Standard deviation of the measurement noise of a coordinate."""
+    dropout: float = 0.0
+    """Share of the frames in which a marker is not seen, in gaps."""
+    seed: int = 0
+    """Seed of the noise and the dropouts."""
+
+    def __call__(self) -> int:
+        """Attach, write, say what was done."""
+        chosen = marker_set(self.set, self.set_file)
+        motion = read_bvh(self.motion)
+        try:
+            still = attach(motion, find_mapping(motion, self.mapping), chosen)
+            rng = np.random.default_rng(self.seed)
+            markers = disturbed(still, rng, self.noise_mm, self.dropout)
+        except InputError as error:
+            raise InputError(f"{self.motion}: {error}") from error
+        write_markers(markers, self.out)
+        missing = 1 - markers.seen.mean()
+        print(
+            f"{self.out}: {len(markers.labels)} markers, {markers.n_frames} frames at "
+            f"{markers.rate_hz:.4g} Hz, {100 * missing:.1f} % missing"
+        )
+        return 0
+
+
+@dataclass(frozen=True)
+class MarkersRank:
+    """Say which few markers to record: the ranking of the hand-over paper, or a greedy one."""
+
+    database: tyro.conf.Positional[list[str]]
+    """BVH files, marker files, or sequences that ship (alphabet)."""
+    top: int = 6
+    """How many to print first."""
+    method: Literal["algorithm1", "unweighted", "greedy"] = "algorithm1"
+    """Algorithm 1, its unweighted variant, or the marker that most lowers the error comes next."""
+    components: int = 3
+    """Components that the unweighted variant sums over."""
+    set: str = "full13"
+    """The marker set that is attached to BVH files."""
+    mapping: str = "auto"
+    """Which joint is which: manipnet, handtrack, a TOML file, or auto."""
+    root: tuple[str, ...] = ()
+    """The root markers; by default those whose name begins with 'root'."""
+    out: Out = Path("ranking.png")
+    """Where to draw them on a hand."""
+
+    def __call__(self) -> int:
+        """Rank, draw, print."""
+        if not self.database:
+            raise InputError("markers rank needs one source or more")
+        if self.top < 1:
+            raise InputError(f"--top {self.top}: at least one marker")
+        chosen = marker_set(self.set)
+        ranking = self._ranking(chosen)
+        picture = page.png(page.draw_ranking(ranking, chosen, ranking.top(self.top)))
+        _write_bytes(self.out, picture)
+        print(f"rank  marker        share   ({ranking.method})")
+        for k, (label, share) in enumerate(zip(ranking.order, ranking.share, strict=True), 1):
+            print(f"{k:4d}  {label:12s}  {100 * share:4.1f} %{'  *' if k <= self.top else ''}")
+        print(f"top {self.top}: {','.join(ranking.top(self.top))}")
+        print(f"{self.out}: the markers on a hand")
+        return 0
+
+    def _ranking(self, chosen: MarkerSet) -> Ranking:
+        files = [Path(s).suffix.lower() in SUFFIXES for s in self.database]
+        count = self.components if self.method == "unweighted" else 0
+        if any(files):
+            if self.method == "greedy" or not all(files):
+                raise InputError(
+                    "marker files hold no angles: give BVH files alone, or rank marker files "
+                    "alone by algorithm1 or unweighted"
+                )
+            parts = [read_markers(source) for source in self.database]
+            markers = joined([part.select(parts[0].labels) for part in parts])
+            root = self.root or root_labels(markers.labels)
+            reference = reference_of(markers.select(root).positions_mm)
+            local = root_relative(markers, root, reference)
+            return rank(local.labels, local.positions_mm, count)
+        base = read_database(self.database, chosen, self.mapping, self.root or None)
+        if self.method == "greedy":
+            n = min(max(self.top, 1), len(base.labels))
+            with _progress(n, "markers") as bar:
+                return greedy(
+                    base.labels,
+                    base.X_mm,
+                    base.theta,
+                    n,
+                    Regression(),
+                    progress=lambda text: bar.set_postfix_str(text),
+                )
+        return rank(base.labels, base.X_mm, count)
+
+
+@dataclass(frozen=True)
+class HandoverCommand:
+    """Reconstruct a whole hand from a few markers and a data base.
+
+    The data base is one or more BVH files (markers recorded beside them, or virtual ones), or
+    'alphabet', which ships. Writes angles.csv, motion.bvh, report.html and run.json.
+    """
+
+    query: tyro.conf.Positional[Path]
+    """The recording of a few markers and the root: .c3d, .trc, .tsv or .csv."""
+    database: list[str]
+    """BVH files of whole hands, or sequences that ship (alphabet)."""
+    markers: str = ""
+    """Markers to use, a,b,c; by default all that both have."""
+    out: Out = Path("handover")
+    """The folder for the results."""
+    set: str = "full13"
+    """The marker set that is attached to BVH files without recorded markers."""
+    mapping: str = "auto"
+    """Which joint is which: manipnet, handtrack, a TOML file, or auto."""
+    root: tuple[str, ...] = ()
+    """The root markers; by default those whose name begins with 'root'."""
+    components: int = 0
+    """Principal components of the angles to reconstruct; 0 is all."""
+    taps: int = 17
+    """Taps of the cone filter at 120 Hz; 1 does not filter."""
+    neighbours: int = 0
+    """Only so many nearest data base frames vote; 0 lets all (the paper)."""
+    ridge_mm: float = 0.0
+    """Noise of a marker coordinate that the regression is damped for."""
+    power: float = 1.0
+    """Data base frames weigh by the inverse distance to this power."""
+    window: int = 0
+    """Frames before and after that are regressed on too."""
+    resample: bool = False
+    """Bring the query to the frame rate of the data base."""
+    up: Literal["y", "z"] = "y"
+    """The axis that points up in the query, for motion.bvh."""
+    quiet: bool = False
+    """Say nothing but errors."""
+
+    def __call__(self) -> int:
+        """Read, reconstruct, write."""
+        chosen = marker_set(self.set)
+        settings = Handover(
+            Regression(self.neighbours, self.ridge_mm, self.power),
+            self.components,
+            self.taps,
+            self.window,
+        )
+        base = read_database(self.database, chosen, self.mapping, self.root or None)
+        query = read_markers(self.query)
+        try:
+            if self.resample:
+                query = query.resampled(base.rate_hz)
+            check_query(base, query)
+            names = [m.strip() for m in self.markers.split(",") if m.strip()] or [
+                m for m in query.labels if m in base.labels
+            ]
+            X = columns(base, query.labels, names)
+            Q, link = in_root(base, query, names)
+        except InputError as error:
+            raise InputError(f"{self.query}: {error}") from error
+        if not np.isfinite(Q).all(axis=-1).any():
+            raise NothingUsableError(
+                f"{self.query}: none of {', '.join(names)} is seen in any frame"
+            )
+        with _progress(len(Q), "frames", self.quiet) as bar:
+            hand = reconstruct(base, X, Q, settings)
+            bar.update(len(Q))
+        trajectory = _trajectory(base, query, Q, link, hand, settings)
+        record = self._record(base, query, names, link, trajectory)
+        self._write(base, query, names, hand, trajectory, record)
+        if not self.quiet:
+            print(f"{self.out}: {record['counts']['sentence']}")
+        return 0
+
+    def _record(
+        self,
+        base: Database,
+        query: Markers,
+        names: Sequence[str],
+        link: RootLink,
+        hand: Trajectory,
+    ) -> dict[str, Any]:
+        n = {s.value: int(hand.is_status(s).sum()) for s in Status}
+        gaps = [*query.select(names).gaps(), *link.bridged]
+        sentence = (
+            f"{len(hand)} frames from {len(names)} markers: {n['tracked']} with all of them, "
+            f"{n['predicted']} with some or a bridged root, {n['lost']} with none"
+        )
+        residual = link.residual_mm[np.isfinite(link.residual_mm)]
+        return {
+            "command": "handover",
+            "settings": asdict(self),
+            "versions": versions(),
+            "counts": {**n, "sentence": sentence},
+            "database": {
+                "sources": base.sources,
+                "frames": len(base.theta),
+                "rate_hz": base.rate_hz,
+                "side": base.side,
+                "root": base.root,
+            },
+            "query": {
+                "frames": query.n_frames,
+                "rate_hz": query.rate_hz,
+                "unit": query.unit,
+                "markers": list(names),
+                "gaps": [asdict(gap) for gap in gaps],
+                "root_residual_mm": float(np.median(residual)),
+            },
+        }
+
+    def _write(
+        self,
+        base: Database,
+        query: Markers,
+        names: Sequence[str],
+        hand: Reconstruction,
+        trajectory: Trajectory,
+        record: dict[str, Any],
+    ) -> None:
+        out = output_folder(self.out)
+        ranking = rank(base.labels, base.X_mm)
+        text = _report(self, base, names, ranking, hand, trajectory, record)
+        table = TableWriter(out / ANGLES_CSV, angle_columns)
+        try:
+            table.write(trajectory)
+            write_hand_bvh(
+                out / "motion.bvh",
+                trajectory.theta,
+                trajectory.palm_R,
+                trajectory.palm_mm,
+                base.shape,
+                base.side,
+                1 / query.rate_hz,
+                np.eye(3) if self.up == "y" else rotation.about_x(-np.pi / 2),
+            )
+        except Exception:
+            table.discard()
+            raise
+        table.finish()
+        with open_whole(out / "report.html") as file:
+            file.write(text)
+        write_provenance(out / RUN_JSON, record)
+
+
+def _trajectory(
+    base: Database,
+    query: Markers,
+    Q_mm: Array,
+    link: RootLink,
+    hand: Reconstruction,
+    settings: Handover,
+) -> Trajectory:
+    """The reconstruction with its palm pose, as every other method gives it."""
+    F = len(Q_mm)
+    share = np.isfinite(Q_mm).all(axis=-1).mean(axis=1)
+    whole = (share == 1) & np.isfinite(link.residual_mm)
+    status = np.where(whole, Status.TRACKED.value, Status.PREDICTED.value)
+    status = np.where(share > 0, status, Status.LOST.value)
+    known = (share > 0)[:, None]
+    mirror = np.array([-1.0 if base.side == "left" else 1.0, 1, 1])
+    points = link.to_world(keypoints_mm(hand.theta, base.shape) * mirror)
+    return Trajectory(
+        frame=np.arange(F),
+        time_s=np.arange(F) / query.rate_hz,
+        status=status,
+        side=np.full(F, base.side),
+        confidence=share,
+        ess=np.full(F, np.nan),
+        palm_mm=np.where(known, link.t_mm, np.nan),
+        palm_wxyz=np.where(known, rotation.to_quaternion(link.R), np.nan),
+        theta=hand.theta,
+        theta_std=hand.std,
+        keypoints_px=np.full((F, 21, 2), np.nan),
+        keypoints_mm=points,
+        provenance={"method": "handover", "settings": asdict(settings)},
+    )
+
+
+def _report(
+    command: HandoverCommand,
+    base: Database,
+    names: Sequence[str],
+    ranking: Ranking,
+    hand: Reconstruction,
+    trajectory: Trajectory,
+    record: dict[str, Any],
+) -> str:
+    time_s = trajectory.time_s
+    gaps = [Gap(**g) for g in record["query"]["gaps"]]
+    std = np.degrees(np.nanmedian(trajectory.theta_std))
+    parts = [
+        page.paragraph(str(record["counts"]["sentence"])),
+        page.paragraph(
+            f"Data base: {', '.join(base.sources)}, {len(base.theta)} frames, {base.side} hand. "
+            f"Markers: {', '.join(names)}. Median stated standard deviation {std:.1f} deg."
+        ),
+        page.picture(
+            page.draw_angles(time_s, trajectory.theta, trajectory.theta_std), "angles over time"
+        ),
+        page.picture(
+            page.draw_components(time_s, {"reconstructed": hand.scores}), "components over time"
+        ),
+        page.picture(page.draw_ranking(ranking, marker_set(command.set), names), "markers"),
+        page.paragraph("Orange: the markers used; numbers: their rank by Algorithm 1."),
+    ]
+    if gaps:
+        rows = [asdict(gap) for gap in gaps[:200]]
+        parts += ["<h2>Gaps</h2>", page.table(rows)]
+    return page.page(f"Hand-over of {command.query.name}", parts)
+
+
+def _progress(total: int, unit: str, quiet: bool = False) -> "tqdm[None]":
+    return tqdm(total=total, unit=unit, disable=quiet or not sys.stderr.isatty())
+
+
+def _write_bytes(path: Path, data: bytes) -> None:
+    part = hidden_beside(path)
+    try:
+        part.write_bytes(data)
+        put_in_place(part, path)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
+    finally:
+        part.unlink(missing_ok=True)
