@@ -19,6 +19,8 @@ import importlib
 import importlib.util
 import io
 import itertools
+import os
+import signal
 import sys
 import traceback
 from collections.abc import Callable, Sequence
@@ -38,6 +40,8 @@ COMMANDS: dict[str, str] = {
     "bench ablations": "handtrack.bench.commands:BenchAblations",
     "bench samples": "handtrack.bench.commands:BenchSamples",
     "bench speed": "handtrack.bench.commands:BenchSpeed",
+    "calibrate board": "calib.commands:CalibrateBoard",
+    "calibrate camera": "calib.commands:CalibrateCamera",
     "calibrate hand": "calib.commands:CalibrateHand",
     "demo": "synth.commands:Demo",
     "handover": "handtrack.mocap.commands:HandoverCommand",
@@ -212,6 +216,10 @@ def _report_errors(call: Callable[[], int], debug: bool) -> int:
     except KeyboardInterrupt:
         print("handtrack: interrupted", file=sys.stderr)
         return EXIT_INTERRUPTED
+    except BrokenPipeError:
+        # whoever reads our output has enough; what is left of it goes nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 128 + signal.SIGPIPE
     except HandtrackError as error:
         if debug:
             traceback.print_exc()

@@ -28,7 +28,7 @@ from handtrack.hand.shape import HandShape
 from handtrack.hand.surface import Capsules
 from handtrack.output.drawing import draw_result
 from handtrack.output.folder import RunFolder
-from handtrack.output.provenance import Counts, versions
+from handtrack.output.provenance import Counts, main_side, versions
 from handtrack.records import Frame, FrameResult, Pose, Status
 from handtrack.stages import stage_picture, write_picture
 from handtrack.stop import StopAsked, stop_signals
@@ -152,7 +152,8 @@ def run_clip(settings: RunSettings, make: MakeTracker = make_tracker) -> RunRepo
         if report.counts.decoded or report.state == "complete":
             elapsed_s = time.perf_counter() - begin
             record = record_of(settings, info, camera, tracker, report, elapsed_s)
-            folder.finish(record, _files_for_the_next_run(tracker, camera))
+            extra = _files_for_the_next_run(tracker, camera)
+            folder.finish(record, tracker.shape, main_side(report.sides), extra)
         else:
             folder.discard()
     return report

@@ -1,5 +1,6 @@
 """The command line: finding commands, settings files, one-line errors and exit codes."""
 
+import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -150,3 +151,15 @@ def test_command_help_is_made_of_its_fields(capsys):
 def test_version(capsys):
     assert cli.main(["--version"]) == 0
     assert capsys.readouterr().out.startswith("handtrack 0.")
+
+
+def test_reader_that_has_enough_is_no_fault():
+    done = subprocess.run(
+        f"{sys.executable} -c 'import sys; from handtrack.cli import main;"
+        'from handtrack import cli; cli._report_errors(lambda: print("x" * 10**6) or 0, False)\''
+        " | head -c 1",
+        shell=True,
+        capture_output=True,
+        text=True,
+    )
+    assert (done.stdout, done.stderr) == ("x", "")

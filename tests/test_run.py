@@ -23,7 +23,8 @@ from handtrack.output.table import read_tables
 from handtrack.records import FrameResult, Pose, Status
 from handtrack.run import RunSettings, run_clip
 
-SHOWS = ["angles.csv", "camera.toml", "hand.toml", "keypoints.csv", "overlay.mp4", "run.json"]
+TABLES = ["angles.csv", "camera.toml", "hand.toml", "keypoints.csv"]
+SHOWS = [*TABLES, "motion.bvh", "overlay.mp4", "run.json"]
 
 
 class FakeTracker:
@@ -157,7 +158,7 @@ def test_no_hand_at_all_keeps_the_tables_and_says_so(tmp_path, write_clip):
     report = run(clip, tmp_path / "out", status=lambda k: Status.LOST)
     assert report.exit_code == 4
     assert "no hand was found; container says 3, decoded 3, tracked 0" in report.last_line
-    assert listing(tmp_path / "out") == SHOWS
+    assert listing(tmp_path / "out") == [*TABLES, "overlay.mp4", "run.json"]
     assert len(rows_of(tmp_path / "out" / "angles.csv")) == 3
 
 

@@ -11,7 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from handtrack.errors import OutputError
+from handtrack.hand.shape import HandShape
 from handtrack.output.files import hidden_beside, output_folder, put_in_place
+from handtrack.output.motion import MOTION_BVH, MotionWriter
 from handtrack.output.overlay import OVERLAY_MP4, Image, OverlayWriter
 from handtrack.output.provenance import RUN_JSON, write_provenance
 from handtrack.output.table import ANGLES_CSV, KEYPOINTS_CSV, TableWriter
@@ -21,7 +23,7 @@ from handtrack.trajectory import Trajectory, angle_columns, keypoint_columns
 #: Every file that a run of ours may leave in its folder.
 FILES = (
     *(ANGLES_CSV, KEYPOINTS_CSV, OVERLAY_MP4, RUN_JSON),
-    *("hand.toml", "camera.toml", "motion.bvh", "report.html"),
+    *("hand.toml", "camera.toml", MOTION_BVH, "report.html"),
 )
 
 
@@ -46,6 +48,7 @@ class RunFolder:
             TableWriter(self.path / ANGLES_CSV, angle_columns),
             TableWriter(self.path / KEYPOINTS_CSV, keypoint_columns),
         ]
+        self._motion = MotionWriter(self.path / MOTION_BVH)
         self._overlay: OverlayWriter | None = None
 
     def film(self, size: tuple[int, int], time_base: Fraction, sound_of: Path | None) -> None:
@@ -57,27 +60,34 @@ class RunFolder:
         piece = Trajectory.from_results([result])
         for table in self._tables:
             table.write(piece)
+        self._motion.add(result)
         if self._overlay is not None:
             self._overlay.add(result.time_s, draw)
 
     def finish(
-        self, record: Mapping[str, Any], extra: Mapping[str, Callable[[Path], None]]
+        self,
+        record: Mapping[str, Any],
+        shape: HandShape,
+        side: str,
+        extra: Mapping[str, Callable[[Path], None]],
     ) -> None:
         """Put everything in its place; what an earlier run left and this one did not make goes.
 
-        Every file is tried, and the first fault is raised after the last of them. ``extra`` has
-        more files, each with the function that writes it.
+        Every file is tried, and the first fault is raised after the last of them. The motion is of
+        a hand of this ``shape`` and ``side``; ``extra`` has more files, each with the function that
+        writes it.
         """
-        made = {ANGLES_CSV, KEYPOINTS_CSV, RUN_JSON, *extra}
+        before = {path: _inode(path) for path in (self.path / name for name in FILES)}
         steps: list[Callable[[], None]] = [table.finish for table in self._tables]
+        steps.append(partial(self._motion.finish, shape, side))
         steps += [partial(_save_whole, self.path / name, save) for name, save in extra.items()]
         if self._overlay is not None:
-            made.add(OVERLAY_MP4)
             steps.append(self._overlay.finish)
         steps.append(lambda: write_provenance(self.path / RUN_JSON, record))
         faults = [fault for step in steps if (fault := _fault_of(step)) is not None]
-        for name in set(FILES) - made:
-            (self.path / name).unlink(missing_ok=True)
+        for path, inode in before.items():
+            if inode is not None and _inode(path) == inode:
+                path.unlink()  # of an earlier run: this one put nothing in its place
         if faults:
             raise faults[0]
 
@@ -85,8 +95,13 @@ class RunFolder:
         """Leave nothing of this run behind."""
         for table in self._tables:
             table.discard()
+        self._motion.discard()
         if self._overlay is not None:
             self._overlay.discard()
+
+
+def _inode(path: Path) -> int | None:
+    return path.stat().st_ino if path.exists() else None
 
 
 def _save_whole(path: Path, save: Callable[[Path], None]) -> None:
