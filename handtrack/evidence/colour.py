@@ -130,7 +130,7 @@ def histogram(
     return counts / max(float(counts.sum()), 1e-12)
 
 
-@numba.njit(cache=True, fastmath=True)
+@numba.njit(cache=True, fastmath=True, error_model="numpy", forceinline=True)
 def bin_position(y, cr, cb):  # type: ignore[no-untyped-def]
     """Continuous bin coordinates of a YCrCb colour."""
     top, zero = np.float32(N_BINS - 1.001), np.float32(0)
@@ -189,7 +189,7 @@ def smooth_kernel(counts):  # type: ignore[no-untyped-def]
                     previous = here
 
 
-@numba.njit(cache=True, fastmath=True)
+@numba.njit(cache=True, fastmath=True, error_model="numpy", forceinline=True)
 def densities(table, y, cr, cb):  # type: ignore[no-untyped-def]
     """Interpolated densities of hand and background at a YCrCb colour."""
     i, j, k = bin_position(y, cr, cb)
@@ -201,9 +201,9 @@ def densities(table, y, cr, cb):  # type: ignore[no-untyped-def]
         for dj in range(2):
             wj = wi * (v if dj else one - v)
             near, far = wj * (one - w), wj * w
-            cell = table[i0 + di, j0 + dj]
-            f += near * cell[k0, 0] + far * cell[k0 + 1, 0]
-            b += near * cell[k0, 1] + far * cell[k0 + 1, 1]
+            m, n = i0 + di, j0 + dj
+            f += near * table[m, n, k0, 0] + far * table[m, n, k0 + 1, 0]
+            b += near * table[m, n, k0, 1] + far * table[m, n, k0 + 1, 1]
     return f, b
 
 

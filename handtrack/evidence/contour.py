@@ -130,7 +130,7 @@ def choose_kernel(labels, keep, mask):  # type: ignore[no-untyped-def]
             mask[i, j] = keep[labels[i, j]]
 
 
-@numba.njit(cache=True, fastmath=True)
+@numba.njit(cache=True, fastmath=True, forceinline=True)
 def sample(image, x, y):  # type: ignore[no-untyped-def]
     """Bilinear value of ``image`` ``(h, w)``, held constant beyond its border."""
     h, w = image.shape
@@ -181,7 +181,7 @@ def refine_kernel(chain, log_odds, gradient):  # type: ignore[no-untyped-def]
     return points, normals, snapped
 
 
-@numba.njit(cache=True, fastmath=True)
+@numba.njit(cache=True, fastmath=True, forceinline=True)
 def settle(pixel, nx, ny, log_odds, gradient):  # type: ignore[no-untyped-def]
     """Offset along the normal to the zero of the log odds, or towards the gradient's maximum."""
     x, y = pixel[0], pixel[1]

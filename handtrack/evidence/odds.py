@@ -57,14 +57,13 @@ def log_odds_kernel(rgb, ycc, table, local, shadow_share, out):  # type: ignore[
     for i in range(0, h, 2):
         for j in range(0, w, 2):
             out[i, j] = pixel(rgb, ycc, table, local, shadow_share, i, j)
+    last_row, last_column = (h - 1) - (h - 1) % 2, (w - 1) - (w - 1) % 2
     for i in range(h):
         top = i - i % 2
-        bottom = min(top + 2, (h - 1) - (h - 1) % 2)
-        for j in range(w):
-            if i % 2 == 0 and j % 2 == 0:
-                continue
+        bottom = min(top + 2, last_row)
+        for j in range(1 - i % 2, w, 2 - i % 2):
             left = j - j % 2
-            right = min(left + 2, (w - 1) - (w - 1) % 2)
+            right = min(left + 2, last_column)
             a, b, c, d = out[top, left], out[top, right], out[bottom, left], out[bottom, right]
             if min(a, b, c, d) > SURE or max(a, b, c, d) < -SURE:
                 out[i, j] = np.float32(0.25) * (a + b + c + d)
@@ -72,7 +71,7 @@ def log_odds_kernel(rgb, ycc, table, local, shadow_share, out):  # type: ignore[
                 out[i, j] = pixel(rgb, ycc, table, local, shadow_share, i, j)
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, fastmath=True, error_model="numpy", forceinline=True)
 def pixel(rgb, ycc, table, local, shadow_share, i, j):  # type: ignore[no-untyped-def]
     """Log odds at one pixel."""
     f, b = densities(table, ycc[i, j, 0], ycc[i, j, 1], ycc[i, j, 2])
@@ -82,7 +81,7 @@ def pixel(rgb, ycc, table, local, shadow_share, i, j):  # type: ignore[no-untype
     return min(max(np.log(f / b), np.float32(-MOST)), np.float32(MOST))
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, fastmath=True, error_model="numpy", forceinline=True)
 def wall_density(rgb, local, shadow_share, i, j):  # type: ignore[no-untyped-def]
     """Density per bin of what stands behind this pixel, plain or in the shade.
 
