@@ -1,4 +1,9 @@
-"""``handtrack calibrate hand``: a photograph or clip in, ``hand.toml`` and a picture out."""
+"""``handtrack calibrate hand | camera | board``: files for tracking, from pictures.
+
+>>> CalibrateBoard(square_mm=1.0)()
+Traceback (most recent call last):
+handtrack.errors.InputError: squares of 1 mm: wanted 2 to 500
+"""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -8,10 +13,16 @@ import cv2
 import tyro
 from tqdm import tqdm
 
+from calib.board import PAPER_MM, Board
+from calib.camera import CameraCalibration, calibrate_camera, collect_views
 from calib.picture import confirmation, lines_of
 from calib.search import FoundHand, best_hand, pictures_of
 from handtrack.camera import Camera
 from handtrack.errors import InputError, NothingUsableError, OutputError
+from handtrack.evidence.video import probe
+
+MAX_LENS_PX = 3.0
+MAX_BOARD_PICTURES = 250
 
 
 @dataclass(frozen=True)
@@ -93,3 +104,99 @@ class CalibrateHand:
         print(f"frame {found.frame}: " + "\n".join(lines_of(found)))
         print(f"scale from {scale}")
         print(f"wrote {self.out} and {beside}: look at the picture before you use the file")
+
+
+@dataclass(frozen=True)
+class CalibrateBoard:
+    """Make a board to calibrate a camera with: a PDF at true size, to be printed at 100 %.
+
+    Glue it to something flat. Check the ruler line on the sheet, and give `calibrate camera` the
+    same columns, rows and square size.
+    """
+
+    out: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("board.pdf")
+    """The PDF to write."""
+    columns: int = Board.columns
+    """Squares across."""
+    rows: int = Board.rows
+    """Squares down."""
+    square_mm: float = Board.square_mm
+    """Side of a square."""
+    chessboard: bool = False
+    """Plain squares without markers: then all of it must be in view in every picture."""
+    paper: Literal["a4", "a3", "letter"] = "a4"
+    """The sheet, landscape."""
+
+    def __call__(self) -> int:
+        """Write the PDF."""
+        board = Board(self.columns, self.rows, self.square_mm, not self.chessboard)
+        board.save_pdf(self.out, self.paper)
+        width, height = PAPER_MM[self.paper]
+        print(f"wrote {self.out}: {board.describe()}, sheet {width:g} x {height:g} mm")
+        return 0
+
+
+@dataclass(frozen=True)
+class CalibrateCamera:
+    """Measure a camera's focal length and centre from a clip of a board (`calibrate board`).
+
+    Move the board slowly: near and far, tilted each way, into all corners of the picture. Use
+    the zoom and picture size with which the hands will be filmed. A set that does not tell the
+    focal length well is refused with the reason.
+    """
+
+    clip: tyro.conf.Positional[Path]
+    """A clip of the board."""
+    out: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("camera.toml")
+    """The camera file to write."""
+    columns: int = Board.columns
+    """Squares across."""
+    rows: int = Board.rows
+    """Squares down."""
+    square_mm: float = Board.square_mm
+    """Side of a square; the camera file does not depend on it."""
+    chessboard: bool = False
+    """The board has no markers."""
+    quiet: bool = False
+    """No progress bar."""
+
+    def __call__(self) -> int:
+        """Collect views, calibrate, write."""
+        board = Board(self.columns, self.rows, self.square_mm, not self.chessboard)
+        info = probe(self.clip)
+        pictures = tqdm(
+            pictures_of(self.clip, at_most=MAX_BOARD_PICTURES),
+            desc="looking for the board",
+            unit="frame",
+            disable=True if self.quiet else None,
+            leave=False,
+        )
+        views, n_seen = collect_views(pictures, board)
+        if not n_seen:
+            raise NothingUsableError(
+                f"{self.clip}: the board is in none of the frames looked at: it was to be "
+                f"{board.describe()}"
+            )
+        try:
+            found = calibrate_camera(views, board, info.width_px, info.height_px)
+        except NothingUsableError as error:
+            raise NothingUsableError(f"{self.clip}: {error}") from error
+        self._write(found)
+        return 0
+
+    def _write(self, found: CameraCalibration) -> None:
+        camera = found.camera
+        source = (
+            f"{self.clip.name}, {found.n_views} views of the board, "
+            f"reprojection {found.reprojection_px:.3f} px"
+        )
+        camera.save(self.out, source)
+        print(f"focal length {camera.fx_px:.1f}, {camera.fy_px:.1f} px (+- {found.focal_std:.2%})")
+        print(f"principal point {camera.cx_px:.1f}, {camera.cy_px:.1f} px")
+        print(f"reprojection error {found.reprojection_px:.3f} px over {found.n_views} views")
+        if found.distortion_px > MAX_LENS_PX:
+            print(
+                f"note: the lens moves the picture's corners by {found.distortion_px:.1f} px, "
+                "which tracking does not correct; keep the hand near the middle"
+            )
+        print(f"wrote {self.out}")

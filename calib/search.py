@@ -85,8 +85,10 @@ def best_hand(
     return search
 
 
-def pictures_of(path: Path, frame: int | None = None) -> Iterator[tuple[int, Image]]:
-    """RGB pictures of a photograph or of a clip (about :data:`MAX_LOOKED_AT`, spread over it).
+def pictures_of(
+    path: Path, frame: int | None = None, at_most: int = MAX_LOOKED_AT
+) -> Iterator[tuple[int, Image]]:
+    """RGB pictures of a photograph or of a clip (about ``at_most``, spread over it).
 
     Raises
     ------
@@ -97,7 +99,7 @@ def pictures_of(path: Path, frame: int | None = None) -> Iterator[tuple[int, Ima
         yield 0, _photograph(path)
         return
     info = probe(path)
-    step = max(1, round((info.n_claimed or 600) / MAX_LOOKED_AT))
+    step = max(1, round((info.n_claimed or 600) / at_most))
     last = -1
     for shown in read_frames(path, info=info):
         last = shown.index
