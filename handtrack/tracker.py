@@ -28,6 +28,7 @@ from handtrack.evidence.evidence import Evidence, see, window_around
 from handtrack.evidence.silhouette import Segmenter
 from handtrack.hand.shape import HandShape
 from handtrack.hand.space import ConfigurationSpace
+from handtrack.hand.space import default as default_space
 from handtrack.judge import JudgeSettings, confidence, overlap, status_of
 from handtrack.records import Frame, FrameResult, Pose, Status
 from handtrack.refine.view import View
@@ -128,7 +129,7 @@ class Tracker:
         calibrate: Calibrate | None = None,
     ) -> None:
         self.settings, self.camera, self.given, self.calibrate = settings, camera, shape, calibrate
-        self.space = space or ConfigurationSpace.default()
+        self.space = space or default_space()
         self.rng = np.random.default_rng(settings.seed)
         self.track: Track | None = None
         self.waited = 0
