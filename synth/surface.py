@@ -30,6 +30,7 @@ REST_THETA.setflags(write=False)
 
 FOREARM_LENGTH_MM = 260.0
 VOXEL_MM = 2.0
+_DIGIT_BLEND_MM = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,18 +110,23 @@ def _thumb_muscles(body: _Flesh, hand: HandSpec, start: Array, end: Array) -> No
 
 
 def _digit(body: _Flesh, hand: HandSpec, digit: int, q: Array, start: Array, end: Array) -> None:
-    """Bones that swell at the joints, and the pads of the palm's side."""
+    """Bones that swell at the joints, and the pads of the palm's side.
+
+    Where two cones of a part coincide, blending adds a quarter of its width; the cones are made
+    that much thinner, so that the joints have the radii that the hand says.
+    """
     radius = hand.radius_mm[digit]
-    body.begin(4.0, 7.0)
+    body.begin(_DIGIT_BLEND_MM, 7.0)
+    swell = _DIGIT_BLEND_MM / 4
     for j in range(3):
         bone = 3 * digit + j
-        a, b, ra, rb = start[bone], end[bone], radius[j], radius[j + 1]
+        a, b, ra, rb = start[bone], end[bone], radius[j] - swell, radius[j + 1] - swell
         palmar = quat.rotate(q[bone], np.array([0.0, 0.0, 1.0]))
         along = (b - a) / np.linalg.norm(b - a)
         if j == 2:
+            rb = radius[3] - 0.3 * swell
             b = b - along * rb  # the tip's skin ends the bone
-        waist = 0.975
-        middle, rm = (a + b) / 2, (ra + rb) / 2 * waist
+        middle, rm = (a + b) / 2, (ra + rb) / 2 * 0.97
         body.cone(a, ra, middle, rm)
         body.cone(middle, rm, b, rb)
         pad = palmar * (0.22 * rm)

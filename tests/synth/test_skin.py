@@ -78,6 +78,19 @@ def test_tips_of_the_skin_are_the_tips_of_the_bones(skin: Skin) -> None:
         assert nearest < 2.0
 
 
+@pytest.mark.parametrize("name", HAND_NAMES)
+def test_joints_are_as_thick_as_the_hand_says(name: str) -> None:
+    hand = HandSpec.named(name)
+    skin = Skin(rest_mesh(hand, 30.0), hand)
+    for d in range(1, 5):
+        x, y, _ = skin.chart.local[:, d].T
+        on = skin.chart.share[:, d + 1] > 0.6
+        for j, at in enumerate(np.cumsum(hand.length_mm[d])[:2]):
+            half = np.ptp(x[on & (np.abs(y - at) < 1.2)]) / 2
+            assert half == pytest.approx(hand.radius_mm[d, j + 1], abs=0.4)
+        assert y[on].max() == pytest.approx(hand.length_mm[d].sum(), abs=0.3)
+
+
 def test_normals_point_out(skin: Skin) -> None:
     n = skin.normals(skin.mesh.vertices)
     grown = volume(skin.mesh.vertices + 0.5 * n, skin.mesh.faces)
