@@ -78,7 +78,7 @@ class Gaussians:
     def log_density(self, X: Array) -> Array:
         """Log density ``(n,)`` of the whole mixture at ``X`` ``(n, k)``."""
         stretch = np.zeros((1, len(self.sigma))) if self.stretch is None else self.stretch
-        c = np.broadcast_to(stretch / self.sigma, self.means.shape)
+        c = np.broadcast_to(stretch / self.sigma, self.means.shape).copy()
         with np.errstate(divide="ignore"):  # a component without weight is log 0
             log_weights = np.log(self.weights / self.weights.sum())
         out = np.empty(len(X))

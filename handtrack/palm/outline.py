@@ -133,11 +133,14 @@ class Outline:
 @numba.njit(cache=True)
 def _project_outline(R, t, points, normals, K, depth, pixels, out):  # type: ignore[no-untyped-def]
     """Fill pixels and image normals; ``depth`` above zero is everybody's. False if behind."""
+    X, N, T = np.empty(3), np.empty(3), np.empty(3)
+    flat = depth > 0
     for n in range(len(points)):
-        X = R @ points[n] + t
-        N = R @ normals[n]
-        T = R @ np.array([-normals[n, 1], normals[n, 0], 0.0])
-        flat = depth > 0
+        p, m = points[n], normals[n]
+        for i in range(3):
+            X[i] = R[i, 0] * p[0] + R[i, 1] * p[1] + R[i, 2] * p[2] + t[i]
+            N[i] = R[i, 0] * m[0] + R[i, 1] * m[1] + R[i, 2] * m[2]
+            T[i] = R[i, 1] * m[0] - R[i, 0] * m[1]  # the tangent, z cross the normal
         Z = depth if flat else X[2]
         if not Z > 0:
             return False

@@ -98,11 +98,11 @@ def refine(
     InputError
         Shapes that do not go together.
     """
-    p = np.ascontiguousarray(points_mm, float)
+    p = np.array(points_mm, float, order="C")  # copies: kernels are compiled for writable arrays
     y = np.array(points_px, float)
     n = len(p)
     w = np.ones(n) if weights is None else np.array(weights, float)
-    normals = np.zeros((n, 2)) if normals_px is None else np.ascontiguousarray(normals_px, float)
+    normals = np.zeros((n, 2)) if normals_px is None else np.array(normals_px, float)
     tau = np.ones(n) if normals_px is None else np.ones(n) * np.asarray(tangential, float)
     if p.shape != (n, 3) or not (y.shape == normals.shape == (n, 2)) or w.shape != (n,):
         raise InputError(
@@ -134,7 +134,7 @@ def search(
     K = np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px])
     rows = (points, pixels, weights, normals, tau)
     R, t, H, cost, steps, still = _levenberg_marquardt(
-        start.R, start.t_mm, *rows, K, R0, t0, precision, max_steps
+        start.R.copy(), start.t_mm.copy(), *rows, K, R0, t0, precision, max_steps
     )
     status = PalmStatus.CONVERGED if still else PalmStatus.ROUND_LIMIT
     if not np.isfinite(cost):
@@ -146,15 +146,15 @@ def _prior_arrays(prior: PosePrior | None) -> tuple[Array, Array, Array]:
     if prior is None:
         return np.eye(3), np.zeros(3), np.zeros(6)
     std = np.array([prior.rotation_std_rad] * 3 + [prior.shift_std_mm] * 3)
-    return prior.pose.R, prior.pose.t_mm, 1 / std**2
+    return prior.pose.R.copy(), prior.pose.t_mm.copy(), 1 / std**2
 
 
 def projection_jacobian(points_mm: Array, pose: Pose, camera: Camera) -> tuple[Array, Array]:
     """Pixels ``(n, 2)`` and their derivatives ``(n, 2, 6)`` by the turn and the shift."""
     K = np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px])
     q, J = np.empty((len(points_mm), 2)), np.empty((len(points_mm), 2, 6))
-    for n, p in enumerate(points_mm):
-        _project(pose.R, pose.t_mm, p, K, q[n], J[n])
+    for n, p in enumerate(np.array(points_mm, float)):
+        _project(pose.R.copy(), pose.t_mm.copy(), p, K, q[n], J[n])
     return q, J
 
 
@@ -184,7 +184,7 @@ def _normal_equations(  # type: ignore[no-untyped-def]
     """Fill ``H (6, 6)``, ``g (6,)``; the cost, or infinity behind the camera."""
     H[:], g[:] = 0.0, 0.0
     cost = 0.0
-    q, J, across, e = np.empty(2), np.empty((2, 6)), np.empty(6), np.empty(2)
+    q, J, across, e, off = np.empty(2), np.empty((2, 6)), np.empty(6), np.empty(2), np.empty(6)
     for n in range(len(points)):
         if weights[n] == 0:
             continue
@@ -202,7 +202,9 @@ def _normal_equations(  # type: ignore[no-untyped-def]
                 both = J[0, i] * J[0, j] + J[1, i] * J[1, j]
                 H[i, j] += w * (share * both + (1 - share) * across[i] * across[j])
     if precision[0] > 0 or precision[3] > 0:
-        off = np.concatenate((_log(R @ R0.T), t - t0))
+        _log_between(R0, R, off)
+        for i in range(3):
+            off[3 + i] = t[i] - t0[i]
         for i in range(6):
             H[i, i] += precision[i]
             g[i] += precision[i] * off[i]
@@ -217,49 +219,78 @@ def _normal_equations(  # type: ignore[no-untyped-def]
 def _levenberg_marquardt(  # type: ignore[no-untyped-def]
     R, t, points, pixels, weights, normals, tau, K, R0, t0, precision, max_steps
 ):
-    """Steps until still: pose, Hessian, cost, steps taken, whether it came to rest."""
-    R, t, R0 = R.copy(), t.copy(), np.ascontiguousarray(R0)  # writable, as they change
-    H, g = np.empty((6, 6)), np.empty(6)
-    H_new, g_new = np.empty((6, 6)), np.empty(6)
+    """Steps until still, ``R`` and ``t`` in place: pose, Hessian, cost, steps, whether at rest."""
+    H, g, step = np.empty((6, 6)), np.empty(6), np.empty(6)
+    H_new, g_new, R_new, t_new = np.empty((6, 6)), np.empty(6), np.empty((3, 3)), np.empty(3)
     args = (points, pixels, weights, normals, tau, K, R0, t0, precision)
     cost = _normal_equations(R, t, *args, H, g)
     damping, steps = 1e-4, 0
     while steps < max_steps and np.isfinite(cost):
         steps += 1
-        A = H.copy()
-        for i in range(6):
-            A[i, i] += damping * H[i, i] + 1e-12
-        step = -np.linalg.solve(A, g)
-        still = np.sqrt(np.sum(step[:3] ** 2)) < STILL
-        still = still and np.sqrt(np.sum(step[3:] ** 2)) < STILL * abs(t[2])
-        R_new, t_new = _exp(step[:3]) @ R, t + step[3:]
+        _damped_step(H, g, damping, step)
+        _turned(step, R, R_new)
+        for i in range(3):
+            t_new[i] = t[i] + step[3 + i]
         cost_new = _normal_equations(R_new, t_new, *args, H_new, g_new)
         if cost_new <= cost:
-            R, t, cost = R_new, t_new, cost_new
-            H[:], g[:] = H_new, g_new
-            damping = max(damping / 10, 1e-12)
+            R[:], t[:], H[:], g[:] = R_new, t_new, H_new, g_new
+            cost, damping = cost_new, max(damping / 10, 1e-12)
         else:
             damping *= 10
-        if still or damping > 1e12:
+        turn = np.sqrt(step[0] ** 2 + step[1] ** 2 + step[2] ** 2)
+        shift = np.sqrt(step[3] ** 2 + step[4] ** 2 + step[5] ** 2)
+        if (turn < STILL and shift < STILL * abs(t[2])) or damping > 1e12:
             return R, t, H, cost, steps, True
     return R, t, H, cost, steps, False
 
 
 @numba.njit(cache=True)
-def _exp(w):  # type: ignore[no-untyped-def]
-    """The matrix of a rotation vector (Rodrigues)."""
-    angle2 = w[0] ** 2 + w[1] ** 2 + w[2] ** 2
-    angle = np.sqrt(angle2)
-    a = np.sin(angle) / angle if angle > 1e-8 else 1.0
-    b = (1 - np.cos(angle)) / angle2 if angle > 1e-4 else 0.5
-    W = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
-    return np.eye(3) + a * W + b * (W @ W)
+def _damped_step(H, g, damping, step):  # type: ignore[no-untyped-def]
+    """Fill ``step`` with ``-(H + damping diag H)^-1 g``, by Cholesky."""
+    L = np.zeros((6, 6))
+    for i in range(6):
+        for j in range(i + 1):
+            total = H[i, j] * (1 + damping) + 1e-12 if i == j else H[i, j]
+            for k in range(j):
+                total -= L[i, k] * L[j, k]
+            L[i, j] = np.sqrt(max(total, 1e-30)) if i == j else total / L[j, j]
+    for i in range(6):
+        total = -g[i]
+        for k in range(i):
+            total -= L[i, k] * step[k]
+        step[i] = total / L[i, i]
+    for i in range(5, -1, -1):
+        for k in range(i + 1, 6):
+            step[i] -= L[k, i] * step[k]
+        step[i] /= L[i, i]
 
 
 @numba.njit(cache=True)
-def _log(R):  # type: ignore[no-untyped-def]
-    """The rotation vector of a matrix, for less than half a turn."""
-    v = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
-    sine = np.sqrt(np.sum(v**2))
-    angle = np.arctan2(sine, (R[0, 0] + R[1, 1] + R[2, 2] - 1) / 2)
-    return v * (angle / sine if sine > 1e-9 else 1.0)
+def _turned(w, R, out):  # type: ignore[no-untyped-def]
+    """Fill ``out`` with ``exp(w) R`` (Rodrigues, column by column)."""
+    angle2 = w[0] ** 2 + w[1] ** 2 + w[2] ** 2
+    angle = np.sqrt(angle2)
+    a = np.sin(angle) / angle if angle > 1e-8 else 1.0
+    b = 2 * np.sin(angle / 2) ** 2 / angle2 if angle > 1e-8 else 0.5
+    for c in range(3):
+        x, y, z = R[0, c], R[1, c], R[2, c]
+        u, v, s = w[1] * z - w[2] * y, w[2] * x - w[0] * z, w[0] * y - w[1] * x  # w x column
+        out[0, c] = x + a * u + b * (w[1] * s - w[2] * v)
+        out[1, c] = y + a * v + b * (w[2] * u - w[0] * s)
+        out[2, c] = z + a * s + b * (w[0] * v - w[1] * u)
+
+
+@numba.njit(cache=True)
+def _log_between(A, B, out):  # type: ignore[no-untyped-def]
+    """Fill ``out[:3]`` with the rotation vector of ``B A^T``, for less than half a turn."""
+    trace = 0.0
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        out[i] = 0.0
+        for c in range(3):
+            out[i] += 0.5 * (B[k, c] * A[j, c] - B[j, c] * A[k, c])
+            trace += B[i, c] * A[i, c]
+    sine = np.sqrt(out[0] ** 2 + out[1] ** 2 + out[2] ** 2)
+    angle = np.arctan2(sine, (trace - 1) / 2)
+    for i in range(3):
+        out[i] *= angle / sine if sine > 1e-9 else 1.0
