@@ -45,8 +45,8 @@ class RefinedSettings:
     """How far the palm turns from its prediction."""
     shift_std_mm: float = 20.0
     """How far it moves from its prediction."""
-    widen: float = 2.25
-    """Factor on the covariance of the configuration space."""
+    widen: float = 1.0
+    """Factor on the covariance of the configuration space off the digits' lines."""
     floor_deg: float = 6.0
     """Standard deviation added to it in every direction."""
     spread: float = 1.0
@@ -66,17 +66,15 @@ class RefinedMethod:
         self.shape, self.space, self.settings = shape, space, settings
         self.hand = CapsuleHand(shape)
         self.refiner = Refiner(self.hand, settings.energy)
-        covariance = settings.widen * space.covariance
-        covariance = covariance + np.radians(settings.floor_deg) ** 2 * np.eye(20)
-        self.precision = np.linalg.inv(covariance)
         self.lines = digit_lines(space)
+        self.precision = off_line_precision(space, self.lines, settings)
 
     def prior(self, predicted: Estimate, loose: float = 1.0) -> Prior:
         """Prior about a prediction; ``loose`` multiplies its standard deviations."""
         s = self.settings
         turn, shift = np.radians(s.turn_std_deg) * loose, s.shift_std_mm * loose
         return Prior(
-            mean=self.space.mean,
+            lines=self.lines,
             precision=self.precision,
             angle=predicted.theta,
             angle_weight=np.full(20, 1 / (np.radians(s.angle_std_deg) * loose) ** 2),
@@ -156,6 +154,20 @@ def effective_samples(energies: Array) -> float:
     w = np.exp(-0.5 * (energies - energies.min(axis=1, keepdims=True)))
     w /= w.sum(axis=1, keepdims=True)
     return float(np.mean(1.0 / np.sum(w**2, axis=1)))
+
+
+def off_line_precision(space: ConfigurationSpace, lines: Array, settings: RefinedSettings) -> Array:
+    """Precision ``(5, 4, 4)`` of a digit's deviation from its line.
+
+    The covariance of the space without its part along the line, widened, and a floor: between the
+    two states a digit is free, off the line it is as likely as it was in the recordings.
+    """
+    u = lines[:, 1] - lines[:, 0]
+    u = u / np.linalg.norm(u, axis=1, keepdims=True)
+    off = np.eye(4) - u[:, :, None] * u[:, None, :]
+    blocks = np.stack([space.covariance[4 * d : 4 * d + 4, 4 * d : 4 * d + 4] for d in range(5)])
+    covariance = settings.widen * off @ blocks @ off
+    return np.asarray(np.linalg.inv(covariance + np.radians(settings.floor_deg) ** 2 * np.eye(4)))
 
 
 def digit_lines(space: ConfigurationSpace) -> Array:

@@ -133,8 +133,8 @@ def nearest_outline(p, facing, among, skip_digit, circles, capsules, digit, boun
     """Nearest capsule outline to an image point ``p`` ``(5,)`` (x, y, normal, weight).
 
     ``facing``: the capsule nearest from outside whose outline faces as the point's normal; else the
-    finger outline nearest from either side that runs along the edge, either way round. Signed
-    distance, index (-1: none) and ``t*``; only the capsules ``among``, without ``skip_digit``.
+    finger outline nearest from either side, whose outside is the edge's dark side. Signed distance,
+    index (-1: none) and ``t*``; only the capsules ``among``, without ``skip_digit``.
     """
     x, y, nx, ny = p[0], p[1], p[2], p[3]
     best, signed, which, t_best = 1e3, 1e3, -1, 0.0
@@ -159,7 +159,7 @@ def nearest_outline(p, facing, among, skip_digit, circles, capsules, digit, boun
             if facing:
                 fits = along > 0 and along * along > 0.09 * (mx * mx + my * my)
             else:
-                fits = along * along > 0.36 * (mx * mx + my * my)
+                fits = along > 0 and along * along > 0.36 * (mx * mx + my * my)
             if fits:
                 best, signed, which, t_best = far, d, c, t
     return signed, which, t_best
@@ -177,7 +177,7 @@ def bilinear(image, x, y):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def search_edge(x, y, nx, ny, reach, strength, edge_x, edge_y):  # type: ignore[no-untyped-def]
-    """Best edge along the normal: offset in px and strength (0 where there is none)."""
+    """Best edge along the normal, dark outside: strength (0 if none) and offset in px."""
     h, w = strength.shape
     best, offset = 0.0, 0.0
     for k in range(-reach, reach + 1):
@@ -186,7 +186,7 @@ def search_edge(x, y, nx, ny, reach, strength, edge_x, edge_y):  # type: ignore[
             continue
         s = strength[i, j]
         if s > 0.05:
-            s *= abs(edge_x[i, j] * nx + edge_y[i, j] * ny) ** 4
+            s *= max(edge_x[i, j] * nx + edge_y[i, j] * ny, 0.0) ** 4
             s *= 1.0 - abs(k) / (reach + 1.0)
             if s > best:
                 best, offset = s, k

@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt over the palm pose and the 20 angles, the PCA as a prior.
+"""Levenberg-Marquardt over the palm pose and the 20 angles, the manifold as a prior.
 
 No sampling here: it slides into the nearest minimum of :mod:`handtrack.refine.residuals`, so what
 it starts from (prediction, sweeps of the fingers, seeds of a restart) decides which.
@@ -59,13 +59,15 @@ class RefineSettings:
 class Prior:
     """Gaussians on the angles and the pose.
 
-    ``E = (theta - mean)' precision (theta - mean) + sum rho(w r)``, the sum over the differences
-    ``r`` from the prediction, ``[log(R R0'), t - t0, theta - angle]``, each over its standard
-    deviation; ``rho`` saturates at ``HEAVY_TAIL``.
+    The paper's manifold, one digit at a time: ``E = sum_d min_s (theta_d - e - s u)' P (theta_d -
+    e - s u) + sum rho(w r)`` with ``0 <= s <= 1``, so that a digit slides freely between its
+    extended and its curled state and pays for leaving the line. The second sum runs over the
+    differences ``r`` from the prediction, ``[log(R R0'), t - t0, theta - angle]``, each over its
+    standard deviation; ``rho`` saturates at ``HEAVY_TAIL``.
     """
 
-    mean: Array  # (20,) of the configuration space
-    precision: Array  # (20, 20)
+    lines: Array  # (5, 2, 4) extended state e, curled state e + u
+    precision: Array  # (5, 4, 4) P
     angle: Array  # (20,) predicted
     angle_weight: Array  # (20,) 1 / rad^2
     pose: Pose
@@ -154,7 +156,7 @@ def _prior(prior: Prior) -> tuple[Array, ...]:
     return tuple(
         np.array(a)
         for a in (
-            prior.mean, prior.precision, prior.angle, prior.angle_weight,
+            prior.lines, prior.precision, prior.angle, prior.angle_weight,
             prior.pose.R, prior.pose.t_mm, prior.pose_weight,
         )
     )  # fmt: skip
@@ -183,15 +185,25 @@ def so3_log(R):  # type: ignore[no-untyped-def]
 @numba.njit(cache=True, nogil=True)
 def prior_energy(R, t, theta, prior, limits, limit_std, H, g):  # type: ignore[no-untyped-def]
     """Prior, temporal and limit terms; adds to ``H`` and ``g`` unless they are empty."""
-    mean, precision, angle, angle_weight, R0, t0, pose_weight = prior
-    delta = theta - mean
-    pull = precision @ delta
-    energy = delta @ pull
-    turn = so3_log(R @ R0.T)
+    lines, precision, angle, angle_weight, R0, t0, pose_weight = prior
     full = len(g) > 0
-    if full:
-        g[6:] += pull
-        H[6:, 6:] += precision
+    energy = 0.0
+    for d in range(5):
+        P, u = precision[d], lines[d, 1] - lines[d, 0]
+        k = 6 + 4 * d
+        delta = theta[4 * d : 4 * d + 4] - lines[d, 0]
+        Pu = P @ u
+        s = (Pu @ delta) / (Pu @ u)
+        inside = 0.0 < s < 1.0
+        delta = delta - min(max(s, 0.0), 1.0) * u
+        pull = P @ delta
+        energy += delta @ pull
+        if full:
+            g[k : k + 4] += pull
+            H[k : k + 4, k : k + 4] += P
+            if inside:
+                H[k : k + 4, k : k + 4] -= np.outer(Pu, Pu) / (Pu @ u)
+    turn = so3_log(R @ R0.T)
     for q in range(26):
         if q < 3:
             r, weight = turn[q], pose_weight[q]

@@ -7,6 +7,7 @@ nor count against it (design: "stop the evidence there").
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,11 +26,11 @@ class View:
     contour, normal : (m, 2)
         Points on the silhouette's outline and their outward normals.
     inner : (k, 5)
-        Edges inside the silhouette: x, y, unit normal of either sign, strength.
+        Edges inside the silhouette: x, y, unit normal from bright to dark, strength.
     sdf : (h, w)
         Signed distance in px to the outline, negative inside.
     edge_strength, edge_x, edge_y : (h, w)
-        Edge strength 0 to 1 and the unit gradient direction.
+        Edge strength 0 to 1 and its unit direction, from bright to dark.
     intrinsics : (4,)
         ``fx, fy, cx, cy`` of the window.
     valid : (4,)
@@ -51,19 +52,20 @@ class View:
         """The view of an :class:`Evidence`, its contour thinned to about ``points``."""
         step = max(1, round(len(evidence.contour) / points))
         camera = evidence.camera
-        y, x = (
-            np.nonzero(evidence.visible.any(axis=1))[0],
-            np.nonzero(evidence.visible.any(axis=0))[0],
-        )
+        visible = evidence.visible
+        y, x = np.flatnonzero(visible.any(axis=1)), np.flatnonzero(visible.any(axis=0))
+        darker = towards_dark(evidence.image)
+        along = evidence.edge_x * darker[0] + evidence.edge_y * darker[1]
+        sign = np.where(along < 0, -1, 1).astype(np.float32)
         empty = len(x) == 0
         return cls(
             contour=evidence.contour[::step].astype(float),
             normal=evidence.contour_normal[::step].astype(float),
-            inner=inner_edges(evidence),
+            inner=inner_edges(evidence, darker),
             sdf=np.array(evidence.sdf),
             edge_strength=np.array(evidence.edge_strength),
-            edge_x=evidence.edge_x.copy(),
-            edge_y=evidence.edge_y.copy(),
+            edge_x=evidence.edge_x * sign,
+            edge_y=evidence.edge_y * sign,
             intrinsics=np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px]),
             valid=np.array([0, 0, 0, 0] if empty else [x[0], y[0], x[-1] + 1, y[-1] + 1], float),
         )
@@ -93,14 +95,32 @@ class View:
         return (above & inside).astype(float)
 
 
-def inner_edges(evidence: Evidence, depth_px: float = 4.0, most: int = 160) -> Array:
-    """The strongest edges ``(k, 5)`` at least ``depth_px`` inside the silhouette."""
+def towards_dark(image: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Minus the gradient of the brightness of an RGB image, x and y ``(h, w)``."""
+    grey = cv2.GaussianBlur(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32), (3, 3), 0.8)
+    return -cv2.Sobel(grey, cv2.CV_32F, 1, 0), -cv2.Sobel(grey, cv2.CV_32F, 0, 1)
+
+
+def inner_edges(
+    evidence: Evidence,
+    darker: tuple[NDArray[np.float32], NDArray[np.float32]],
+    depth_px: float = 4.0,
+    most: int = 160,
+) -> Array:
+    """The strongest edges ``(k, 5)`` at least ``depth_px`` inside the silhouette.
+
+    Their normals point from bright to dark. A finger before the hand is brighter than the crease or
+    the shadow behind it, while the far rim of its shadow is an edge the other way round: the sign
+    is what tells a finger from the shadow it casts.
+    """
     points, normals = evidence.edge_points, evidence.edge_normals
     if len(points) == 0:
         return np.empty((0, 5))
     h, w = evidence.sdf.shape
-    at = np.clip(points.round().astype(int), 0, (w - 1, h - 1))
+    x, y = np.clip(points.round().astype(int), 0, (w - 1, h - 1)).T
     strength = evidence.edge_point_strength
-    deep = np.flatnonzero(evidence.sdf[at[:, 1], at[:, 0]] < -depth_px)
+    deep = np.flatnonzero(evidence.sdf[y, x] < -depth_px)
     kept = deep[np.argsort(-strength[deep], kind="stable")[:most]]
-    return np.column_stack([points[kept], normals[kept], strength[kept]]).astype(float)
+    x, y, normal = x[kept], y[kept], normals[kept]
+    sign = np.where(normal[:, 0] * darker[0][y, x] + normal[:, 1] * darker[1][y, x] < 0, -1, 1)
+    return np.column_stack([points[kept], normal * sign[:, None], strength[kept]]).astype(float)
