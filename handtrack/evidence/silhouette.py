@@ -41,6 +41,8 @@ Mask = NDArray[np.bool_]
 
 #: Share of shadows in what is expected of a known background.
 SHADOW_SHARE = 0.05
+#: What is joined to the hand by colour and more of the frame than this is a table, no forearm.
+MOST_COVERED = 0.5
 #: Where shadows would swallow more of the first silhouette than this, there are none.
 MOST_SHADOW = 0.03
 _START_SIDE_PX = 320
@@ -179,7 +181,8 @@ class Segmenter:
         alike = (self.colours.log_odds(small) > 0) | seed
         _, labels = cv2.connectedComponents(alike.astype(np.uint8))
         joined = np.unique(labels[seed])
-        return np.isin(labels, joined[joined > 0])
+        covered = np.isin(labels, joined[joined > 0])
+        return covered if covered.mean() < MOST_COVERED else seed
 
 
 def _shadows_swallow(colours: ColourModel, small: Pixels, inside: Mask) -> bool:
