@@ -219,11 +219,12 @@ def _normal_equations(  # type: ignore[no-untyped-def]
 def _levenberg_marquardt(  # type: ignore[no-untyped-def]
     R, t, points, pixels, weights, normals, tau, K, R0, t0, precision, max_steps
 ):
-    """Steps until still, ``R`` and ``t`` in place: pose, Hessian, cost, steps, whether at rest."""
+    """Steps until still (overwrites ``R``, ``t``): pose, Hessian, cost, steps, whether at rest."""
     H, g, step = np.empty((6, 6)), np.empty(6), np.empty(6)
     H_new, g_new, R_new, t_new = np.empty((6, 6)), np.empty(6), np.empty((3, 3)), np.empty(3)
-    args = (points, pixels, weights, normals, tau, K, R0, t0, precision)
-    cost = _normal_equations(R, t, *args, H, g)
+    cost = _normal_equations(
+        R, t, points, pixels, weights, normals, tau, K, R0, t0, precision, H, g
+    )
     damping, steps = 1e-4, 0
     while steps < max_steps and np.isfinite(cost):
         steps += 1
@@ -231,9 +232,14 @@ def _levenberg_marquardt(  # type: ignore[no-untyped-def]
         _turned(step, R, R_new)
         for i in range(3):
             t_new[i] = t[i] + step[3 + i]
-        cost_new = _normal_equations(R_new, t_new, *args, H_new, g_new)
+        cost_new = _normal_equations(
+            R_new, t_new, points, pixels, weights, normals, tau, K, R0, t0, precision, H_new, g_new
+        )
         if cost_new <= cost:
-            R[:], t[:], H[:], g[:] = R_new, t_new, H_new, g_new
+            R, R_new = R_new, R
+            t, t_new = t_new, t
+            H, H_new = H_new, H
+            g, g_new = g_new, g
             cost, damping = cost_new, max(damping / 10, 1e-12)
         else:
             damping *= 10
