@@ -38,6 +38,7 @@ from handtrack.toml_file import read_toml
 COMMANDS: dict[str, str] = {
     "bench": "handtrack.bench.commands:Bench",
     "bench ablations": "handtrack.bench.commands:BenchAblations",
+    "bench handover": "handtrack.bench.handover:BenchHandover",
     "bench samples": "handtrack.bench.commands:BenchSamples",
     "bench speed": "handtrack.bench.commands:BenchSpeed",
     "calibrate board": "calib.commands:CalibrateBoard",

@@ -146,6 +146,7 @@ class MarkersRank:
                     base.theta,
                     n,
                     Regression(),
+                    base.folds(),
                     progress=lambda text: bar.set_postfix_str(text),
                 )
         return rank(base.labels, base.X_mm, count)

@@ -37,6 +37,8 @@ Array = NDArray[np.float64]
 
 #: Two rates count as one when they differ by less than this share.
 SAME_RATE = 0.005
+#: A data base of so many clips is cross-validated clip by clip.
+MIN_FOLDS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +77,13 @@ class Database:
 
     def __post_init__(self) -> None:
         freeze_arrays(self)
+
+    def folds(self) -> NDArray[np.int64]:
+        """What to hold out together in a cross-validation ``(N,)``: a clip, or of few a quarter."""
+        rows = np.arange(len(self.theta))
+        if len(self.starts) >= MIN_FOLDS:
+            return np.asarray(np.searchsorted(self.starts, rows, side="right") - 1)
+        return rows * 4 // len(rows)
 
 
 def shipped_clip(

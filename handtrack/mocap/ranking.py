@@ -81,8 +81,8 @@ def greedy(
     theta: ArrayLike,
     top: int,
     settings: "regression.Regression",
+    folds: ArrayLike,
     frames: int = 1500,
-    folds: int = 4,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Ranking:
     """Rank markers by how much each lowers the cross-validated error of the reconstruction.
@@ -94,8 +94,8 @@ def greedy(
     theta : (F, K) what is reconstructed, in radians.
     top : how many to rank.
     settings : the regression to rank for.
+    folds : (N,) the group of each frame; groups are held out in turn.
     frames : at most so many frames are used, evenly spaced.
-    folds : contiguous stretches held out in turn.
     progress : is told each marker as it is chosen.
 
     Returns
@@ -105,8 +105,8 @@ def greedy(
     """
     X, Y = np.asarray(positions_mm, float), np.asarray(theta, float)
     rows = np.linspace(0, len(X) - 1, min(frames, len(X))).round().astype(int)
-    X, Y = X[rows], Y[rows]
-    parts = np.array_split(np.arange(len(X)), folds)
+    X, Y, group = X[rows], Y[rows], np.asarray(folds)[rows]
+    parts = [np.flatnonzero(group == g) for g in np.unique(group)]
     errors = [float(np.abs(Y - Y.mean(axis=0)).mean())]
     chosen: list[int] = []
     while len(chosen) < min(top, len(labels)):

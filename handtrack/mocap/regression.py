@@ -18,7 +18,8 @@ formed for those only.
   show. The residual of the fit, hence the stated uncertainty, grows by itself.
 
 The uncertainty is that of a prediction, ``s^2 (1 + h)``, with ``s^2`` the weighted residual
-variance and ``h`` the leverage of the query.
+variance, corrected for the degrees of freedom of the fit, and ``h`` the leverage of the query;
+``n = (sum w)^2 / sum w^2`` frames count.
 
 >>> x = np.array([[[0.0, 0, 0]], [[1, 0, 0]], [[2, 0, 0]], [[3, 1, 0]], [[4, 0, 1]]])
 >>> y = 2 * x[:, 0, :1] + 1
@@ -194,5 +195,6 @@ def _solve(
     fitted = np.einsum("fdk,fde,fek->fk", B, A, B, optimize=True)
     variance = (yy - 2 * np.einsum("fdk,fdk->fk", B, C) + fitted) / total[:, None]
     n_effective = total**2 / square
-    widening = 1 + np.maximum(lever, 0) / n_effective
+    spent = n_effective / np.maximum(n_effective - d, 1.0)  # degrees of freedom of the fit
+    widening = (1 + np.maximum(lever, 0) / n_effective) * spent
     return mean, np.sqrt(np.maximum(variance, 0.0) * widening[:, None])

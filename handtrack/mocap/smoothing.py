@@ -46,8 +46,6 @@ def lag_frames(estimate: ArrayLike, truth: ArrayLike, reach: int = 20) -> int:
     reach = min(reach, len(a) - 2)
     shifts = range(-reach, reach + 1)
     n = len(a)
-    score = [
-        float(np.sum(a[max(s, 0) : n + min(s, 0)] * b[max(-s, 0) : n - max(s, 0)])) / (n - abs(s))
-        for s in shifts
-    ]
+    pairs = [(a[max(s, 0) : n + min(s, 0)], b[max(-s, 0) : n - max(s, 0)]) for s in shifts]
+    score = [float(np.sum(p * q) / np.sqrt(np.sum(p * p) * np.sum(q * q))) for p, q in pairs]
     return list(shifts)[int(np.argmax(score))]
