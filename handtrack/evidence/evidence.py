@@ -133,8 +133,8 @@ def see(
     if seed is not None and seed.any():
         log_odds = log_odds + _seed_log_odds(seed)
     log_odds = np.asarray(cv2.GaussianBlur(log_odds, (3, 3), 0.7), np.float32)
-    edges = find_edges(image)
     extended = clean(log_odds > 0, seed)
+    edges = find_edges(image, extended)
     outline = trace(extended, log_odds, edges.gradient)
     kept = _inside(outline.points, frame_rgb, window)
     on_edge = _inside(edges.points, frame_rgb, window)
