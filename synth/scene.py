@@ -42,7 +42,7 @@ class Light:
     kind: Literal["sun", "spot", "point"] = "sun"
     from_mm: tuple[float, float, float] = (-300.0, -500.0, -400.0)
     at_mm: tuple[float, float, float] = (0.0, 0.0, 450.0)
-    intensity: float = 0.75
+    intensity: float = 0.6
     colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
 
@@ -75,9 +75,9 @@ class Look:
     background: str = "plain"
     lights: tuple[Light, ...] = (
         Light(),
-        Light("point", from_mm=(350.0, -100.0, -100.0), intensity=0.25),
+        Light("point", from_mm=(350.0, -100.0, -100.0), intensity=0.15),
     )
-    ambient: float = 0.25
+    ambient: float = 0.45
     noise: float = 2.5
     lens_blur_px: float = 0.6
     subframes: int = 1

@@ -5,6 +5,8 @@ import pytest
 
 from synth.handspec import HAND_NAMES, HandSpec
 from synth.kinematics import bone_frames
+from synth.light import openness, visibility
+from synth.scene import Light
 from synth.skin import Skin
 from synth.surface import REST_THETA, field_at, flesh, rest_mesh
 
@@ -103,3 +105,32 @@ def test_the_forearm_turns_alone(skin: Skin) -> None:
     far = skin.mesh.vertices[:, 1] > 12
     assert size[far].max() < 1e-9
     assert size.max() > 5
+
+
+def test_clefts_get_less_light_than_open_skin(skin: Skin) -> None:
+    facing = np.diag([1.0, -1.0, -1.0])
+    fist = np.radians(np.array([[10, 0, 10, 10], *[[80, 0, 95, 55]] * 4], float).ravel())
+
+    def open_share(theta: np.ndarray) -> np.ndarray:
+        v = skin.pose(theta)
+        return openness(v @ facing, skin.normals(v) @ facing, skin.mesh.faces)
+
+    flat, closed = open_share(np.zeros(20)), open_share(fist)
+    palm = (skin.chart.share[:, 0] > 0.99) & (np.abs(skin.mesh.vertices[:, 1] - 55) < 12)
+    palm &= skin.normals(skin.mesh.vertices)[:, 2] > 0.8
+    assert flat[palm].mean() > 0.85
+    assert closed[palm].mean() < 0.75
+    assert flat.max() <= 1.0 + 1e-9
+
+
+def test_a_finger_throws_a_shadow(skin: Skin) -> None:
+    facing = np.diag([1.0, -1.0, -1.0])
+    bent = np.zeros(20)
+    bent[[4, 8, 12, 16]] = np.radians(80)
+    lamp = Light(from_mm=(0.0, -400.0, -500.0), at_mm=(0.0, 0.0, 0.0))
+    palm = (skin.chart.share[:, 0] > 0.99) & (np.abs(skin.mesh.vertices[:, 1] - 65) < 8)
+    palm &= skin.normals(skin.mesh.vertices)[:, 2] > 0.8
+    lit = visibility(skin.pose(np.zeros(20)) @ facing, skin.mesh.faces, lamp)[palm]
+    dark = visibility(skin.pose(bent) @ facing, skin.mesh.faces, lamp)[palm]
+    assert lit.mean() > 0.95
+    assert dark.mean() < 0.4
