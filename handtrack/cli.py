@@ -39,6 +39,7 @@ COMMANDS: dict[str, str] = {
     "bench": "handtrack.bench.commands:Bench",
     "bench ablations": "handtrack.bench.commands:BenchAblations",
     "bench handover": "handtrack.bench.handover:BenchHandover",
+    "bench palm": "handtrack.bench.palm:BenchPalm",
     "bench samples": "handtrack.bench.commands:BenchSamples",
     "bench speed": "handtrack.bench.commands:BenchSpeed",
     "calibrate board": "calib.commands:CalibrateBoard",
