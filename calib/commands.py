@@ -15,11 +15,13 @@ from tqdm import tqdm
 
 from calib.board import PAPER_MM, Board
 from calib.camera import CameraCalibration, calibrate_camera, collect_views
+from calib.card import find_card
 from calib.picture import confirmation, lines_of
 from calib.search import FoundHand, best_hand, pictures_of
 from handtrack.camera import Camera
 from handtrack.errors import InputError, NothingUsableError, OutputError
 from handtrack.evidence.video import probe
+from handtrack.hand.shape import HandShape
 
 MAX_LENS_PX = 3.0
 MAX_BOARD_PICTURES = 250
@@ -43,6 +45,8 @@ class CalibrateHand:
     """Which side of the hand the camera sees."""
     hand_length_mm: float | None = None
     """Wrist to middle fingertip, measured with a ruler; sets the scale."""
+    card: bool = False
+    """A bank card lies beside the hand, as far from the camera as the palm: it sets the scale."""
     camera: Path | None = None
     """A camera file; without one a 58 degree view along the longer side is assumed."""
     frame: int | None = None
@@ -82,26 +86,45 @@ class CalibrateHand:
                 f"--hand-length-mm {self.hand_length_mm:g}: wanted 50 to 350, from the wrist to "
                 "the tip of the middle finger"
             )
+        if self.card and self.hand_length_mm is not None:
+            raise InputError("--card and --hand-length-mm both set the scale: give one of them")
+
+    def _scaled(self, found: FoundHand) -> tuple[HandShape, str]:
+        """The hand at its size, and where the size comes from."""
+        shape = found.result.shape
+        if self.hand_length_mm is not None:
+            return shape, f"a hand length of {self.hand_length_mm:g} mm"
+        if not self.card:
+            return shape, "the usual palm length, since one camera cannot see size"
+        card = find_card(found.image, found.hand_mask())
+        if card is None:
+            raise NothingUsableError(
+                f"{self.source}: no bank card beside the hand in frame {found.frame}: lay it flat, "
+                "all of it in view, on something of another colour; or measure --hand-length-mm"
+            )
+        factor = card.mm_per_px / found.mm_per_px()
+        if not 0.6 < factor < 1.6:
+            raise NothingUsableError(
+                f"{self.source}: by what looks like a card, the palm would be "
+                f"{factor * shape.palm_length_mm:.0f} mm long: is there another rectangle in view?"
+            )
+        return shape.scaled(factor), "a bank card, 85.60 mm"
 
     def _write(self, found: FoundHand) -> None:
-        scale = (
-            "the usual palm length, since one camera cannot see size"
-            if self.hand_length_mm is None
-            else f"a hand length of {self.hand_length_mm:g} mm"
-        )
+        sized, scale = self._scaled(found)
         shape = replace(
-            found.result.shape,
+            sized,
             source=f"{self.source.name} frame {found.frame}, {found.result.side} hand, open palm; "
             f"outline within {found.result.residual_px:.2f} px; scale from {scale}",
         )
         shape.save(self.out)
         beside = self.out.with_suffix(".png")
-        good, data = cv2.imencode(".png", confirmation(found)[..., ::-1])
+        good, data = cv2.imencode(".png", confirmation(found, shape)[..., ::-1])
         try:
             beside.write_bytes(data.tobytes() if good else b"")
         except OSError as error:
             raise OutputError(f"{beside}: cannot write the picture ({error.strerror})") from error
-        print(f"frame {found.frame}: " + "\n".join(lines_of(found)))
+        print(f"frame {found.frame}: " + "\n".join(lines_of(found, shape)))
         print(f"scale from {scale}")
         print(f"wrote {self.out} and {beside}: look at the picture before you use the file")
 

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from calib.search import FoundHand
 from handtrack.hand.kinematics import keypoints_mm
 from handtrack.hand.outline import outline_px
+from handtrack.hand.shape import HandShape
 from handtrack.hand.skeleton import DIGITS
 from handtrack.hand.surface import Capsules
 from handtrack.output.drawing import draw_bones, draw_outline
@@ -17,8 +18,8 @@ _TIP, _VALLEY, _WRIST = (230, 30, 30), (255, 255, 255), (255, 210, 0)
 _TEXT_HEIGHT = 22
 
 
-def confirmation(found: FoundHand) -> Image:
-    """The hand's window twice as large, RGB, with what was found in it and the lengths."""
+def confirmation(found: FoundHand, sized: HandShape) -> Image:
+    """The hand's window twice as large, RGB: what was found, and the lengths of ``sized``."""
     result = found.result
     picture = found.evidence.image
     if result.side == "left":  # everything in the result is of the mirror image
@@ -43,20 +44,20 @@ def confirmation(found: FoundHand) -> Image:
                 cv2.circle(picture, (int(x), int(y)), 7, colour, 2, cv2.LINE_AA)
     if result.side == "left":
         picture = np.ascontiguousarray(picture[:, ::-1])
-    return _with_text(picture, lines_of(found))
+    return _with_text(picture, lines_of(found, sized))
 
 
-def lines_of(found: FoundHand) -> list[str]:
-    """What was measured, for the terminal and the picture."""
+def lines_of(found: FoundHand, sized: HandShape) -> list[str]:
+    """What was measured, for the terminal and the picture; ``sized`` is the hand at its size."""
     result = found.result
     lengths = ", ".join(
         f"{digit} {sum(bones):.0f}"
-        for digit, bones in zip(DIGITS, result.shape.length_mm.tolist(), strict=True)
+        for digit, bones in zip(DIGITS, sized.length_mm.tolist(), strict=True)
     )
     return [
         f"{result.side} hand, quality {result.quality:.2f}, outline within "
         f"{result.residual_px:.1f} px of the model",
-        f"mm: {lengths}; palm {result.shape.palm_length_mm:.0f}",
+        f"mm: {lengths}; palm {sized.palm_length_mm:.0f}",
     ]
 
 

@@ -36,8 +36,25 @@ class FoundHand:
     """A calibrated hand and the picture it was found in."""
 
     frame: int
+    image: Image  # (H, W, 3) the whole picture
     evidence: Evidence
     result: CalibrationResult
+
+    def mm_per_px(self) -> float:
+        """Millimetres a pixel of the whole picture at the depth of the middle of the palm."""
+        middle = self.result.pose @ np.array([0.0, 0.5 * self.result.shape.palm_length_mm, 0.0])
+        return float(middle[2] / self.evidence.camera.fx_px * self.evidence.window.scale)
+
+    def hand_mask(self) -> NDArray[np.bool_]:
+        """The hand's silhouette ``(H, W)`` in the whole picture."""
+        inside = np.zeros(self.image.shape[:2], np.uint8)
+        window = self.evidence.window
+        outlines, _ = cv2.findContours(
+            self.evidence.mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE
+        )
+        polygons = [np.round(window.to_frame(o[:, 0])).astype(np.int32) for o in outlines]
+        cv2.fillPoly(inside, polygons, 1)
+        return inside > 0
 
 
 @dataclass
@@ -79,7 +96,7 @@ def best_hand(
             seen = Seen.HALF_OPEN if result.ok and not good else result.status
             search.refusals[seen] = search.refusals.get(seen, 0) + (not good)
             if good and (search.found is None or result.quality > search.found.result.quality):
-                search.found = FoundHand(index, evidence, result)
+                search.found = FoundHand(index, image, evidence, result)
         if search.found is not None and search.found.result.quality >= GOOD_ENOUGH:
             break
     return search
