@@ -29,9 +29,10 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from calib.fit import Target, best_start, residuals, start_pose
-from calib.landmarks import Landmarks, Mask, Seen, search_landmarks, start_quality
+from calib.landmarks import Landmarks, Mask, search_landmarks, start_quality
 from calib.outline import palm_from_outline
 from calib.parameters import Hands, N, unpack
+from calib.seen import Seen
 from handtrack import rotation
 from handtrack.camera import Camera
 from handtrack.errors import InputError

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.hand import CalibrationResult, calibrate_hand
-from calib.landmarks import Seen
+from calib.seen import Seen
 from handtrack.camera import Camera
 from handtrack.errors import InputError
 from handtrack.evidence.evidence import Evidence, see, window_around

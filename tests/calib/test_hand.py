@@ -5,8 +5,9 @@ import pytest
 
 from calib.fit import Target, joints_mm, residuals, start_pose
 from calib.hand import calibrate_hand
-from calib.landmarks import Seen, find_landmarks
+from calib.landmarks import find_landmarks
 from calib.parameters import N, unpack
+from calib.seen import Seen
 from handtrack import rotation
 from handtrack.camera import Camera
 from handtrack.errors import InputError

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from calib.landmarks import (
-    Seen,
     find_landmarks,
     is_good_start,
     search_landmarks,
     start_quality,
 )
+from calib.seen import Seen
 
 N_HANDS = 40
 
