@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from handtrack import rotation
-from handtrack.errors import InputError, NothingUsableError, OutputError
+from handtrack.errors import InputError, OutputError
 from handtrack.hand.kinematics import keypoints_mm
 from handtrack.mocap import page
 from handtrack.mocap.attach import attach, disturbed, find_mapping
@@ -180,8 +180,9 @@ class HandoverCommand:
     """Taps of the cone filter at 120 Hz; 1 does not filter."""
     neighbours: int = 0
     """Only so many nearest data base frames vote; 0 lets all (the paper)."""
-    ridge_mm: float = 0.0
-    """Noise of a marker coordinate that the regression is damped for."""
+    ridge_mm: float = 0.5
+    """Noise of a marker coordinate that the regression is damped for; 0 is the paper's plain one,
+    which a small data base makes wild."""
     power: float = 1.0
     """Data base frames weigh by the inverse distance to this power."""
     window: int = 0
@@ -215,10 +216,6 @@ class HandoverCommand:
             Q, link = in_root(base, query, names)
         except InputError as error:
             raise InputError(f"{self.query}: {error}") from error
-        if not np.isfinite(Q).all(axis=-1).any():
-            raise NothingUsableError(
-                f"{self.query}: none of {', '.join(names)} is seen in any frame"
-            )
         with _progress(len(Q), "frames", self.quiet) as bar:
             hand = reconstruct(base, X, Q, settings)
             bar.update(len(Q))
