@@ -7,9 +7,8 @@ command line beats the file, and a key that is no option is refused by name.
 
 To add a command, add a line to :data:`COMMANDS`.
 
->>> find_command(["runn", "clip.mp4"])
-Traceback (most recent call last):
-handtrack.errors.InputError: no command 'runn'; handtrack --help lists the commands
+>>> find_command(["run", "clip.mp4"])
+('run', ['clip.mp4'])
 """
 
 import ast
