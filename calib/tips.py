@@ -124,14 +124,15 @@ def _tips(
     )
     score = np.where(ok, cosine, -1.0)
     peak = ok & (score == maximum_filter1d(score, 2 * STEPS_PER_RADIUS + 1, mode="wrap"))
-    return np.array(
-        [_outermost(contour, int(i)) for i in _one_of_each_run(np.flatnonzero(peak))], np.int64
-    )
+    peaks = _one_of_each_run(np.flatnonzero(peak), len(contour))
+    return np.array([_outermost(contour, int(i)) for i in peaks], np.int64)
 
 
-def _one_of_each_run(indices: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The first of every run of equal peaks."""
-    keep = np.diff(indices, prepend=-2 * STEPS_PER_RADIUS) > STEPS_PER_RADIUS
+def _one_of_each_run(indices: NDArray[np.int64], n: int) -> NDArray[np.int64]:
+    """The first of every run of equal peaks on a closed outline of ``n`` points."""
+    if not len(indices):
+        return indices
+    keep = np.diff(indices, prepend=indices[-1] - n) > STEPS_PER_RADIUS
     return np.asarray(indices[keep])
 
 
