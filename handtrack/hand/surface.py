@@ -14,7 +14,7 @@ of two circles, right from any direction.
 ...     seen = surface.patches(np.zeros((3, 20)), pose, K)
 ...     print(seen.corners.shape[:2], len(seen.sample_patch) == seen.sample.shape[1])
 (3, 16) True
-(3, 28) True
+(3, 36) True
 """
 
 from dataclasses import dataclass
