@@ -3,7 +3,8 @@
 Per query frame the markers that are there are regressed to the principal components of the data
 base's joint angles (:mod:`handtrack.mocap.regression`), the trajectories of the components are
 smoothed by the cone filter, and the angles are ``theta = mean + V^T z``. Components that are left
-out stay at zero and add their variance to the stated uncertainty.
+out stay at zero and add their variance to the stated uncertainty, which is then calibrated on
+parts of the data base that are held out.
 
 >>> from handtrack.mocap.database import build, shipped_clip
 >>> base = build([shipped_clip("girl", seed=0)])
@@ -35,6 +36,8 @@ Array = NDArray[np.float64]
 UNITS_FACTOR = 30.0
 #: ... and by this, of another hand or another placement: refused too.
 SIZE_FACTOR = 2.0
+#: Frames of the data base that the uncertainty is calibrated on.
+CALIBRATION_FRAMES = 600
 
 
 @dataclass(frozen=True)
@@ -101,8 +104,37 @@ def reconstruct(
         [cone(got.mean[a:b], base.rate_hz, settings.taps) for a, b in pairwise(bounds)]
     )
     V = space.components
-    variance = got.std**2 @ V[:K] ** 2 + space.variance[K:] @ V[K:] ** 2
-    return Reconstruction(space.back(scores), np.sqrt(variance), scores)
+    std = np.sqrt(got.std**2 @ V[:K] ** 2 + space.variance[K:] @ V[K:] ** 2)
+    seen: NDArray[np.bool_] = np.asarray(np.isfinite(Q).all(axis=-1))
+    for pattern in np.unique(seen[seen.any(axis=1)], axis=0):
+        rows = (seen == pattern).all(axis=1)
+        std[rows] *= calibration(base, X[:, pattern], settings.regression, space, K)
+    return Reconstruction(space.back(scores), std, scores)
+
+
+def calibration(
+    base: Database, X_mm: Array, regression: Regression, space: pca.Pca, K: int
+) -> Array:
+    """What to multiply the stated deviations of the angles ``(20,)`` by, for these markers.
+
+    The ratio of the errors to the deviations stated for them, root mean square, where parts of the
+    data base are held out in turn; so markers that are missing widen the uncertainty by as much
+    as they are missed.
+    """
+    usable = np.flatnonzero(np.isfinite(X_mm).all(axis=(1, 2)))
+    rows = usable[np.linspace(0, len(usable) - 1, min(CALIBRATION_FRAMES, len(usable))).astype(int)]
+    X, theta, fold = X_mm[rows], base.theta[rows], base.folds()[rows]
+    scores = space.scores(theta)[:, :K]
+    V = space.components
+    error, stated = np.zeros((2, theta.shape[1]))
+    for group in np.unique(fold):
+        held = fold == group
+        if held.all():
+            return np.ones(theta.shape[1])
+        got = predict(regression, X[~held], scores[~held], X[held])
+        error += ((space.back(got.mean) - theta[held]) ** 2).sum(axis=0)
+        stated += (got.std**2 @ V[:K] ** 2 + space.variance[K:] @ V[K:] ** 2).sum(axis=0)
+    return np.asarray(np.sqrt(error / np.maximum(stated, 1e-12)))
 
 
 def windowed(X_mm: Array, starts: NDArray[np.int64], window: int, step: int) -> Array:
