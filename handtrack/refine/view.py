@@ -98,7 +98,8 @@ class View:
 def towards_dark(image: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Minus the gradient of the brightness of an RGB image, x and y ``(h, w)``."""
     grey = cv2.GaussianBlur(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32), (3, 3), 0.8)
-    return -cv2.Sobel(grey, cv2.CV_32F, 1, 0), -cv2.Sobel(grey, cv2.CV_32F, 0, 1)
+    x, y = cv2.Sobel(grey, cv2.CV_32F, 1, 0), cv2.Sobel(grey, cv2.CV_32F, 0, 1)
+    return -x.astype(np.float32, copy=False), -y.astype(np.float32, copy=False)
 
 
 def inner_edges(
