@@ -31,7 +31,7 @@ from scipy.optimize import least_squares
 from calib.fit import Target, best_start, residuals, start_pose
 from calib.landmarks import Landmarks, Mask, search_landmarks, start_quality
 from calib.outline import palm_from_outline
-from calib.parameters import Hands, N, unpack
+from calib.parameters import POSE, Hands, N, unpack
 from calib.seen import Seen
 from handtrack import rotation
 from handtrack.camera import Camera
@@ -79,6 +79,7 @@ def calibrate_hand(
     facing: str = "palm",
     hand_length_mm: float | None = None,
     visible: Mask | None = None,
+    fit_shape: bool = True,
 ) -> CalibrationResult:
     """Fit ``default`` to the open hand in ``mask`` ``(h, w)`` seen by ``camera``.
 
@@ -92,6 +93,8 @@ def calibrate_hand(
         Wrist to middle fingertip: sets the scale.
     visible : (h, w) bool, optional
         Where the picture goes on, if that is not all of the mask (a crop beyond the frame).
+    fit_shape : bool
+        False: the hand is ``default`` as it is, and only its pose and angles are found.
 
     Raises
     ------
@@ -111,7 +114,8 @@ def calibrate_hand(
         landmarks, seen = search_landmarks(mask, None if visible is None else visible[:, ::-1])
         if landmarks is None:
             return _refused(default, seen)
-    return _fit(landmarks, camera, default, found, facing, hand_length_mm)
+    result = _fit(landmarks, camera, default, found, facing, fit_shape)
+    return result if hand_length_mm is None else _scaled(result, hand_length_mm)
 
 
 def _check(mask: Mask, camera: Camera, side: str | None, facing: str) -> None:
@@ -143,35 +147,41 @@ def _fit(
     default: HandShape,
     side: str,
     facing: str,
-    hand_length_mm: float | None,
+    fit_shape: bool,
 ) -> CalibrationResult:
-    """Least squares over ``z``, then the record in mm."""
+    """Least squares over the free ones of ``z``, then the record in mm."""
     target = Target.of(landmarks, camera, default)
     start = start_pose(landmarks, camera, default, facing)
 
-    def jacobian(z: Array) -> Array:
-        steps = z + FINITE_STEP * np.eye(N)
-        both = residuals(np.vstack([z, steps]), target, start)
+    z = best_start(target, start)
+    free = np.ones(N, bool) if fit_shape else POSE
+    unit_steps = FINITE_STEP * np.eye(N)[free]
+
+    def residuals_of(values: Array) -> Array:
+        return residuals(_with(z, free, values)[None], target, start)[0]
+
+    def jacobian(values: Array) -> Array:
+        here = _with(z, free, values)
+        both = residuals(np.vstack([here, here + unit_steps]), target, start)
         return np.asarray((both[1:] - both[0]).T / FINITE_STEP)
 
     solution = least_squares(
-        lambda z: residuals(z[None], target, start)[0],
-        best_start(target, start),
+        residuals_of,
+        z[free],
         jac=jacobian,
         method="trf",
         max_nfev=40,
         xtol=1e-4,
         ftol=1e-5,
     )
-    hand = unpack(solution.x[None], default)
+    hand = unpack(_with(z, free, solution.x)[None], default)
     distance = target.outline_distances(hand, start)[0]
     residual_px = float(np.mean(np.abs(distance)))
     believed = residual_px < max(MAX_RESIDUAL_R * landmarks.radius_px, 1.0)
     pose = _pose(hand, start)
-    shape = palm_from_outline(_shape(hand, default), pose, landmarks, camera)
-    if hand_length_mm is not None:
-        factor = hand_length_mm / (shape.palm_length_mm + shape.length_mm[2].sum())
-        shape, pose = shape.scaled(factor), Pose(pose.R, pose.t_mm * factor)
+    shape = default
+    if fit_shape:
+        shape = palm_from_outline(_shape(hand, default), pose, landmarks, camera)
     return CalibrationResult(
         shape=shape,
         pose=pose,
@@ -182,6 +192,21 @@ def _fit(
         quality=start_quality(landmarks),
         status=Seen.OPEN_HAND if believed else Seen.POOR_FIT,
     )
+
+
+def _with(z: Array, free: NDArray[np.bool_], values: Array) -> Array:
+    """``z`` with its ``free`` ones replaced."""
+    full = z.copy()
+    full[free] = values
+    return full
+
+
+def _scaled(result: CalibrationResult, hand_length_mm: float) -> CalibrationResult:
+    """The same picture of a hand of another size."""
+    shape = result.shape
+    factor = hand_length_mm / (shape.palm_length_mm + shape.length_mm[2].sum())
+    pose = Pose(result.pose.R, result.pose.t_mm * factor)
+    return replace(result, shape=shape.scaled(factor), pose=pose)
 
 
 def _pose(hand: Hands, start: Pose) -> Pose:

@@ -67,6 +67,11 @@ def _layout() -> tuple[dict[str, tuple[slice, tuple[int, ...]]], Array]:
 _WHERE, SIGMA = _layout()
 SIGMA.setflags(write=False)
 N = len(SIGMA)
+#: Which unknowns ``(N,)`` are of the pose and of the angles, not of the hand's shape.
+POSE = np.zeros(N, bool)
+for _name in ("turn", "shift_mm", "log_depth", "web_share", "abduction", "thumb"):
+    POSE[_WHERE[_name][0]] = True
+POSE.setflags(write=False)
 
 
 def thumb_grid() -> Array:

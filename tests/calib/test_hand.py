@@ -97,6 +97,17 @@ def test_scale_comes_from_the_length_of_the_hand(open_hand):
     np.testing.assert_allclose(a, b, atol=1e-6)
 
 
+def test_pose_alone(pairs):
+    """With the true hand given, the shape stays as it is and the pose comes out better."""
+    for hand, _, side in pairs:
+        if side == "right":
+            found = calibrate_hand(hand.mask, hand.camera, default=hand.shape, fit_shape=False)
+            assert found.ok
+            assert found.shape is hand.shape
+            here = hand.camera.project(found.pose @ keypoints_mm(found.theta, found.shape))
+            assert np.linalg.norm(here - hand.keypoints_px, axis=1).mean() < 2.0
+
+
 def test_palm_keeps_its_length_and_frame(pairs):
     for _, found, _ in pairs:
         np.testing.assert_allclose(found.shape.base_mm[2], HandShape.default().base_mm[2])
