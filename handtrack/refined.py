@@ -41,7 +41,7 @@ class RefinedSettings:
     """Steps on everything after it."""
     angle_std_deg: float = 10.0
     """How far an angle moves from frame to frame."""
-    turn_std_deg: float = 8.0
+    turn_std_deg: float = 1.5
     """How far the palm turns from its prediction."""
     shift_std_mm: float = 20.0
     """How far it moves from its prediction."""
@@ -89,6 +89,9 @@ class RefinedMethod:
         prior = self.prior(Estimate(start, predicted.theta, predicted.theta_std))
         palm = refine(view, start, predicted.theta, prior, s.palm_steps, free="palm")
         return self._search(view, palm.pose, palm.theta, prior, rng)
+
+    def restart(self, estimate: Estimate) -> None:
+        """Nothing to forget: the prediction is all that a frame starts from."""
 
     def settle(self, view: View, seed: Estimate) -> Estimate:
         """Slide a seed of unknown quality into the nearest minimum."""

@@ -42,7 +42,7 @@ class Calibration(Protocol):
         ...
 
 
-#: ``calibrate(mask, camera, default, side, facing) -> Calibration``; None: never calibrate.
+#: ``calibrate(mask, camera, default, side, facing, visible, fit_shape) -> Calibration``, or None.
 Calibrate = Callable[..., Any]
 
 
@@ -80,8 +80,12 @@ def calibrated_start(
     side: str,
     facing: str,
     settings: StartSettings,
+    fit_shape: bool = True,
 ) -> Start | None:
-    """A start from an open palm in one of the frame's candidate silhouettes."""
+    """A start from an open palm in one of the frame's candidate silhouettes.
+
+    Without ``fit_shape`` the hand is ``default`` and only its pose is found.
+    """
     best: Start | None = None
     for candidate in Segmenter.bootstrap(image)[: settings.candidates]:
         segmenter = Segmenter.from_mask(image, candidate.mask)
@@ -92,6 +96,8 @@ def calibrated_start(
             default=default,
             side=None if side == "auto" else side,
             facing=facing,
+            visible=evidence.visible,
+            fit_shape=fit_shape,
         )
         if found.ok and found.quality > settings.min_quality:
             start = Start(
@@ -149,6 +155,11 @@ def recalibrated(
 ) -> Calibration | None:
     """The shape from a tracked frame, if it shows an open palm; mirrored as the tracker is."""
     found: Calibration = calibrate(
-        evidence.mask, evidence.camera, default=default, side="right", facing=facing
+        evidence.mask,
+        evidence.camera,
+        default=default,
+        side="right",
+        facing=facing,
+        visible=evidence.visible,
     )
     return found if found.ok and found.quality > settings.min_quality else None

@@ -15,7 +15,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Literal, Protocol
 
 import cv2
 import numpy as np
@@ -30,6 +30,7 @@ from handtrack.hand.shape import HandShape
 from handtrack.hand.space import ConfigurationSpace
 from handtrack.hand.space import default as default_space
 from handtrack.judge import JudgeSettings, confidence, overlap, status_of
+from handtrack.paper import PaperMethod, PaperSettings
 from handtrack.records import Frame, FrameResult, Pose, Status
 from handtrack.refine.view import View
 from handtrack.refined import RefinedMethod, RefinedSettings
@@ -65,14 +66,28 @@ class TrackerSettings:
     start: StartSettings = field(default_factory=StartSettings)
     judge: JudgeSettings = field(default_factory=JudgeSettings)
     refined: RefinedSettings = field(default_factory=RefinedSettings)
+    paper: PaperSettings = field(default_factory=PaperSettings)
+
+
+class Method(Protocol):
+    """How a frame is worked out: the default's way, or the paper's."""
+
+    def follow(self, view: View, predicted: Estimate, rng: np.random.Generator) -> Estimate:
+        """The hand in this frame, from where it was expected."""
+        ...
+
+    def restart(self, estimate: Estimate) -> None:
+        """Begin anew about an estimate that was found otherwise."""
+        ...
 
 
 class Track:
     """A hand in track: its shape and side, where it is, and how it moves."""
 
-    def __init__(self, start: Start, method: RefinedMethod) -> None:
+    def __init__(self, start: Start, searcher: RefinedMethod, method: Method) -> None:
         self.shape, self.side, self.segmenter = start.shape, start.side, start.segmenter
-        self.method = method
+        self.searcher, self.method = searcher, method
+        method.restart(start.estimate)
         self.estimate = start.estimate
         self.calibrated = start.calibrated
         self.turn = np.zeros(3)  # rotation vector per frame
@@ -160,25 +175,39 @@ class Tracker:
         yield
         self.timings_ms[stage].append(1e3 * (time.perf_counter() - begin))
 
-    def _method(self, shape: HandShape) -> RefinedMethod:
+    def _searcher(self, shape: HandShape) -> RefinedMethod:
         return RefinedMethod(shape, self.space, self.settings.refined)
+
+    def _method(self, shape: HandShape, searcher: RefinedMethod) -> Method:
+        s = self.settings
+        if s.method == "refined":
+            return searcher
+        return PaperMethod(shape, self.space, s.method, s.particles, s.paper)
 
     def _start(self, image: Image) -> None:
         """Begin a track on an open palm, or after some waiting on whatever fits well."""
         s = self.settings
         start: Start | None = None
         default = self.given or HandShape.default()
-        if self.given is None and self.calibrate is not None:
+        if self.calibrate is not None:
             start = calibrated_start(
-                image, self.camera, self.calibrate, default, s.side, s.facing, s.start
+                image,
+                self.camera,
+                self.calibrate,
+                default,
+                s.side,
+                s.facing,
+                s.start,
+                fit_shape=self.given is None,
             )
         if start is None and self.waited % 5 == 0:
             start = searched_start(
-                image, self.camera, self._method, default, s.side, s.facing, self.rng, s.start
+                image, self.camera, self._searcher, default, s.side, s.facing, self.rng, s.start
             )
         self.waited += 1
         if start is not None:
-            self.track = Track(start, self._method(start.shape))
+            searcher = self._searcher(start.shape)
+            self.track = Track(start, searcher, self._method(start.shape, searcher))
 
     def _follow(self, frame: Frame, filmed: Image, track: Track) -> FrameResult:
         image = np.ascontiguousarray(filmed[:, ::-1]) if track.side == "left" else filmed
@@ -191,7 +220,7 @@ class Tracker:
             estimate = track.method.follow(view, predicted, self.rng)
         with self._timed("judge"):
             line_mm = self.settings.judge.wrist_line_mm
-            agreement = overlap(track.method.hand, estimate, view, line_mm)
+            agreement = overlap(track.searcher.hand, estimate, view, line_mm)
             if agreement < self.settings.judge.tracked_overlap:
                 estimate, agreement = self._look_again(view, track, estimate, agreement)
             status = status_of(agreement, track.misses, self.settings.judge)
@@ -215,7 +244,7 @@ class Tracker:
     def _see(self, image: Image, track: Track, predicted: Estimate) -> tuple[Evidence, View]:
         camera = self._tracked_camera(track)
         window = window_for(predicted.pose, track.shape, camera)
-        seed = model_mask(track.method, predicted, camera.through(window))
+        seed = model_mask(track.searcher, predicted, camera.through(window))
         evidence = see(image, window, camera, track.segmenter, seed)
         return evidence, View.of(evidence)
 
@@ -228,8 +257,11 @@ class Tracker:
         """A search with no idea of the pose, now and then, where following has failed."""
         if track.misses % 4 != 1:
             return estimate, agreement
-        found = find_hand(view, track.method, ("palm", "back"), self.rng, known=track.estimate)
-        return found if found is not None and found[1] > agreement + 0.03 else (estimate, agreement)
+        found = find_hand(view, track.searcher, ("palm", "back"), self.rng, known=track.estimate)
+        if found is None or found[1] < agreement + 0.03:
+            return estimate, agreement
+        track.method.restart(found[0])
+        return found
 
     def _recover(self, image: Image, track: Track) -> None:
         """Look for a lost hand in the whole frame."""
@@ -240,10 +272,11 @@ class Tracker:
         for candidate in Segmenter.bootstrap(image, track.segmenter.background)[:2]:
             evidence = see(image, window_around(candidate.mask), camera, track.segmenter)
             found = find_hand(
-                View.of(evidence), track.method, ("palm", "back"), self.rng, known=track.estimate
+                View.of(evidence), track.searcher, ("palm", "back"), self.rng, known=track.estimate
             )
             if found is not None and found[1] > self.settings.judge.tracked_overlap:
                 track.estimate, track.fresh, track.misses = found[0], True, 0
+                track.method.restart(found[0])
                 return
 
     def _learn(
@@ -265,8 +298,10 @@ class Tracker:
             )  # fmt: skip
             if found is not None:
                 track.shape, track.calibrated = found.shape, True
-                track.method = self._method(found.shape)
+                track.searcher = self._searcher(found.shape)
+                track.method = self._method(found.shape, track.searcher)
                 track.estimate = Estimate(found.pose, found.theta, track.estimate.theta_std)
+                track.method.restart(track.estimate)
 
 
 def model_mask(method: RefinedMethod, estimate: Estimate, camera: Camera) -> NDArray[np.bool_]:

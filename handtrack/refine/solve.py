@@ -33,7 +33,7 @@ class RefineSettings:
     """Weight of outline samples against the silhouette."""
     internal_weight: float = 0.3
     """Weight of a finger's outline before the hand against the edges there."""
-    inner_weight: float = 0.3
+    inner_weight: float = 0.15
     """Weight of the edges inside the silhouette against the fingers' outlines."""
     reach_px: int = 8
     """How far along its normal a sample looks for an edge."""
