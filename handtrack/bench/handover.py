@@ -48,7 +48,6 @@ DFKI_HAND = tuple(
 )
 LEAP_TEST = ("gun", "wave")
 WORDS = ("girl", "walk", "counting", "gestures")
-STRIDE = 4
 
 
 @dataclass(frozen=True)
@@ -61,6 +60,10 @@ class BenchHandover:
     """The folder for report.html and handover.json."""
     seed: int = 0
     """Seed of the performances and of the clusters."""
+    only: str = ""
+    """Measure only the studies whose name contains this."""
+    stride: int = 5
+    """Every so many frames of the ManipNet clips, which have 120 a second."""
     speed: bool = False
     """Measure speed and memory too."""
 
@@ -72,6 +75,8 @@ class BenchHandover:
         document: dict[str, Any] = {"studies": {}, "seed": self.seed}
         parts: list[str] = []
         for s in [*self._shipped(), *self._recorded()]:
+            if self.only not in s.name:
+                continue
             print(f"\n{s.name}: {len(s.base.theta)} frames, tests {', '.join(map(_name, s.tests))}")
             measured = measure(s, np.random.default_rng(self.seed))
             document["studies"][s.name] = measured
@@ -115,7 +120,7 @@ class BenchHandover:
                         f"ManipNet {side}{note}",
                         [clips[n] for n in learnt],
                         [clips[n] for n in held],
-                        STRIDE,
+                        self.stride,
                     )
                 )
         leap = {p.stem: _leap_clip(p) for p in sorted((self.recordings / "leap").glob("*.json"))}

@@ -100,7 +100,15 @@ def errors(s: Study, chosen: Sequence[str], settings: Handover = PAPER) -> list[
 
 def by_components(s: Study, chosen: Sequence[str]) -> dict[int, list[float]]:
     """Figure 1: the error of every test clip against the number of components."""
-    return {K: errors(s, chosen, replace(PAPER, components=K)) for K in range(1, 21)}
+    space = pca.fit(s.base.theta)
+    found: dict[int, list[float]] = {K: [] for K in range(1, len(space.variance) + 1)}
+    for clip in s.tests:
+        X, Q = _query(s, clip, chosen)
+        scores = reconstruct(s.base, X, Q, PAPER).scores  # each component is its own regression
+        for K, row in found.items():
+            off = np.abs(space.back(scores[:, :K]) - clip.theta)[clip.ok]
+            row.append(float(np.degrees(off.mean())))
+    return found
 
 
 def cluster_pose_six(base: Database, rng: np.random.Generator, size: int = 6) -> tuple[str, ...]:
