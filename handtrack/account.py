@@ -1,6 +1,5 @@
 """The account of a run: what is counted while it goes, its exit code, last line and record."""
 
-import resource
 import sys
 from collections import Counter, defaultdict
 from dataclasses import dataclass, field
@@ -102,7 +101,11 @@ def record_of(
     }
 
 
-def _peak_memory_mb() -> float:
-    """Largest resident size of this process so far."""
+def _peak_memory_mb() -> float | None:
+    """Largest resident size of this process so far, where the system tells it."""
+    try:
+        import resource
+    except ImportError:
+        return None
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return round(peak / (2**20 if sys.platform == "darwin" else 2**10), 1)

@@ -19,7 +19,6 @@ import importlib.util
 import io
 import itertools
 import os
-import signal
 import sys
 import traceback
 from collections.abc import Callable, Sequence
@@ -32,6 +31,9 @@ import tyro
 
 from handtrack.errors import EXIT_INTERRUPTED, HandtrackError, InputError
 from handtrack.toml_file import read_toml
+
+#: What a shell says of a program that SIGPIPE ended.
+EXIT_BROKEN_PIPE = 141
 
 #: What is typed (one or two words) -> ``module:Class``.
 COMMANDS: dict[str, str] = {
@@ -220,7 +222,7 @@ def _report_errors(call: Callable[[], int], debug: bool) -> int:
     except BrokenPipeError:
         # whoever reads our output has enough; what is left of it goes nowhere
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 128 + signal.SIGPIPE
+        return EXIT_BROKEN_PIPE
     except HandtrackError as error:
         if debug:
             traceback.print_exc()

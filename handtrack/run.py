@@ -42,9 +42,9 @@ EVERY_DEBUG_FRAME = 25
 class RunSettings:
     """Follow the hand in a clip: tables of angles and keypoints, and an overlay film.
 
-    Writes angles.csv, keypoints.csv, overlay.mp4, hand.toml, camera.toml and run.json. Exit code:
-    0 complete, 2 bad input, 3 cannot write, 4 no hand found, 5 some frames could not be decoded,
-    130 interrupted (what was done is kept).
+    Writes angles.csv, keypoints.csv, motion.bvh, overlay.mp4, hand.toml, camera.toml and run.json.
+    Exit code: 0 complete, 2 bad input, 3 cannot write, 4 no hand found, 5 some frames could not be
+    decoded, 130 interrupted (what was done is kept).
     """
 
     clip: tyro.conf.Positional[Path]
@@ -96,6 +96,8 @@ class RunSettings:
         InputError
             A number is out of its range.
         """
+        if str(self.clip).isdigit() and not self.clip.exists():
+            raise InputError(f"camera {self.clip}: live cameras are not read; give a video file")
         for name in ("start_frame", "seed"):
             if getattr(self, name) < 0:
                 raise InputError(f"--{name.replace('_', '-')} {getattr(self, name)} is negative")
@@ -120,7 +122,7 @@ def make_tracker(settings: RunSettings, camera: Camera, shape: HandShape | None)
         particles=settings.particles,
         seed=settings.seed,
     )
-    return Tracker(chosen, camera, shape, default(), None if shape else calibrate_hand)
+    return Tracker(chosen, camera, shape, default(), calibrate_hand)
 
 
 def run_clip(settings: RunSettings, make: MakeTracker = make_tracker) -> RunReport:

@@ -352,7 +352,13 @@ def test_command_prints_its_last_line_and_returns_its_code(
 
 @pytest.mark.parametrize(
     ("name", "content"),
-    [("none.mp4", None), ("empty.mp4", b""), ("text.mp4", b"words " * 99), (".", None)],
+    [
+        ("none.mp4", None),
+        ("0", None),
+        ("empty.mp4", b""),
+        ("text.mp4", b"words " * 99),
+        (".", None),
+    ],
 )
 def test_bad_clip_is_one_line_and_leaves_nothing(name, content, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
