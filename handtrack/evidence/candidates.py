@@ -23,7 +23,7 @@ it is a hand; here only the plainly impossible is dropped.
 (1, 0, True)
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import cv2
@@ -58,7 +58,7 @@ class Candidate:
     score : float
         Plausibility between 0 and 1; only the order means something.
     cue : str
-        What proposed it: "skin", "backdrop", "motion", "parts" or "clusters".
+        What proposed it: "skin", "backdrop", "motion", "parts", "clusters" or "learned".
     """
 
     mask: Mask
@@ -73,14 +73,29 @@ def find_candidates(frame_rgb: Pixels, background: Background | None = None) -> 
     """Candidate silhouettes of a whole frame ``(H, W, 3)``, the most plausible first."""
     small = shrink(frame_rgb, LONG_SIDE_PX)
     soft = np.asarray(cv2.GaussianBlur(small, (3, 3), 0), np.uint8)
-    gradient = _gradient(soft)
+    return ranked(soft, _guesses(frame_rgb, soft, background), frame_rgb.shape[1::-1])
+
+
+def ranked(
+    rgb: Pixels, guesses: Iterable[tuple[str, Mask]], size: tuple[int, ...]
+) -> list[Candidate]:
+    """Candidates among the parts of guesses, the most plausible first, without copies.
+
+    Parameters
+    ----------
+    rgb : (h, w, 3)
+        The small picture.
+    guesses : of (cue, (h, w) mask)
+    size : (2,)
+        Width and height of the frame, which the candidates get.
+    """
+    gradient = _gradient(rgb)
     found: list[Candidate] = []
-    for cue, guess in _guesses(frame_rgb, soft, background):
+    for cue, guess in guesses:
         for mask in components(guess):
-            if (score := plausibility(soft, mask, gradient)) > 0:
+            if (score := plausibility(rgb, mask, gradient)) > 0:
                 found.append(Candidate(mask, score, cue))
     found.sort(key=lambda candidate: -candidate.score)
-    size = frame_rgb.shape[1::-1]
     return [
         Candidate(cv2.resize(c.mask.astype(np.float32), size) > 0.5, c.score, c.cue)
         for c in _distinct(found)[:MAX_CANDIDATES]

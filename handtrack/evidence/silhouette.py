@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from handtrack.camera import Window
 from handtrack.evidence.background import Background, shrink
-from handtrack.evidence.candidates import Candidate, find_candidates
+from handtrack.evidence.candidates import LONG_SIDE_PX, Candidate, find_candidates, ranked
 from handtrack.evidence.colour import ColourModel
 from handtrack.evidence.odds import log_odds_image
 
@@ -45,7 +45,6 @@ SHADOW_SHARE = 0.05
 MOST_COVERED = 0.5
 #: Where shadows would swallow more of the first silhouette than this, there are none.
 MOST_SHADOW = 0.03
-_START_SIDE_PX = 320
 
 
 @dataclass(frozen=True)
@@ -97,7 +96,7 @@ class Segmenter:
         Only the sure parts teach: a rim about the outline is left out, then the silhouette is
         relabelled by what was learned, once, so that a rough mask does.
         """
-        small = shrink(frame_rgb, _START_SIDE_PX)
+        small = shrink(frame_rgb, LONG_SIDE_PX)
         size = small.shape[1::-1]
         inside = cv2.resize(mask.astype(np.float32), size, interpolation=cv2.INTER_AREA) > 0.5
         colours = _learn_colours(small, inside)
@@ -113,6 +112,19 @@ class Segmenter:
         segmenter.background.forget(mask)
         segmenter.background.assume(frame_rgb, mask)
         return segmenter
+
+    def find(self, frame_rgb: Pixels) -> list[Candidate]:
+        """Candidate silhouettes of a whole frame by what was learned, the most plausible first.
+
+        For a hand that left and returns: a tenth of the time of :meth:`bootstrap`, and surer. Empty
+        where nothing large enough looks like the hand that was learned.
+        """
+        small = shrink(frame_rgb, LONG_SIDE_PX)
+        h, w = small.shape[:2]
+        scale = w / frame_rgb.shape[1]
+        first = 0.5 / scale - 0.5  # frame pixel at which the first small one has its centre
+        odds = self.log_odds(small, Window(first, first, scale, w, h))
+        return ranked(small, [("learned", odds > 0)], frame_rgb.shape[1::-1])
 
     def probability(self, rgb: Pixels, window: Window | None = None) -> Float:
         """P(hand or bare forearm) ``(h, w)`` of a crop ``(h, w, 3)``.

@@ -64,3 +64,18 @@ def test_candidates_are_ordered_distinct_and_read_only(drawing):
 @pytest.mark.parametrize("size", [(1, 1), (3, 200), (16, 16), (240, 320)])
 def test_nothing_to_see(size):
     assert Segmenter.bootstrap(np.full((*size, 3), 128, np.uint8)) == []
+
+
+def test_a_hand_that_was_learned_is_found_again(drawing):
+    place = drawing.wood((240, 320))
+    first = drawing.draw(
+        place, drawing.SKIN["light"], drawing.spread(), scale=0.8, centre=(90, 120)
+    )
+    again = drawing.draw(
+        place, drawing.SKIN["light"], drawing.curled([2]), scale=0.9, centre=(210, 130)
+    )
+    segmenter = Segmenter.from_mask(first.image, first.mask)
+    found = segmenter.find(again.image)
+    assert overlap(found[0].mask, again.mask) > 0.85
+    assert found[0].cue == "learned"
+    assert segmenter.find(place.astype(np.uint8)) == []
