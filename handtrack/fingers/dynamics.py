@@ -16,6 +16,10 @@ states (each finger extended or curled). With particles ``X_j`` of weights ``W_j
   3. *proposals* of a proposer, when there are any (regression from fingertips, say),
   4. *anywhere*, as in the prior.
 
+- ``logPsi`` says how natural ``X`` is in any frame: hands keep near the lines, so it falls with
+  the distance ``d`` to the nearest one as ``-d^2 / (2 near^2)``. Without it the walk drifts to
+  postures that an image cannot refuse (straight fingers bent back at the knuckles).
+
 Every part is a :class:`~handtrack.fingers.densities.Density`, so ``g(X)`` is exact, and equation
 (7)'s compensation ``f(X) / g(X)`` is at most ``1 / walk``, the share of the second part.
 
@@ -28,7 +32,7 @@ True
 """
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,6 +93,8 @@ class Dynamics:
         A foot nearer to a basis state than this share of the line is at it.
     anywhere : float
         Share of the prior that is ``M0``.
+    near : float
+        How far from the lines hands are, in radians (over all angles); infinite for anywhere.
     shares : Shares
         Of the importance function.
 
@@ -104,11 +110,12 @@ class Dynamics:
     line_sigma: float = 0.15
     at_basis: float = 0.05
     anywhere: float = 0.01
+    near: float = 0.3
     shares: Shares = Shares()
 
     def __post_init__(self) -> None:
         freeze_arrays(self)
-        for name in ("sigma", "off_sigma", "line_sigma"):
+        for name in ("sigma", "off_sigma", "line_sigma", "near"):
             if not np.min(getattr(self, name)) > 0:
                 raise InputError(f"dynamics: {name} must be positive")
         s = self.shares
@@ -119,11 +126,11 @@ class Dynamics:
 
     @classmethod
     def about(
-        cls, space: Space, walk: float = 0.2, off: float = 0.08, shares: Shares | None = None
+        cls, space: Space, walk: float = 0.2, off: float = 0.08, **settings: Any
     ) -> "Dynamics":
         """Spreads as shares of the space's own: ``walk`` a frame, ``off`` the lines."""
         spread = np.sqrt(space.variance)
-        return cls(space, walk * spread, off * spread, shares=shares or Shares())
+        return cls(space, walk * spread, off * spread, **settings)
 
     def M0(self) -> Density:
         """Before anything was seen: half about the basis states, half anywhere in the space."""
@@ -136,6 +143,11 @@ class Dynamics:
         """The prior ``p(X_t | X_{t-1})`` over particles ``X (n, k)`` of weights ``W (n,)``."""
         walk = Gaussians(W, X, self.sigma)
         return Mixture((walk, self.M0()), (1 - self.anywhere, self.anywhere))
+
+    def logPsi(self, X: Array) -> Array:
+        """How natural configurations ``(n, k)`` are whatever the frame, ``(n,)``."""
+        distance = self.space.nearest_line(X)[3]
+        return np.asarray(-0.5 * (distance / self.near) ** 2)
 
     def importance(self, X: Array, W: Array, proposals: Density | None = None) -> Density:
         """The density ``g`` that is sampled; see the module."""

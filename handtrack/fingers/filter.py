@@ -1,7 +1,7 @@
 """The particle filter of the fingers: importance sampling with compensated weights (Section 4).
 
-One step, with ``f`` the prior over the last posterior, ``g`` the importance function and ``G``
-the likelihood::
+One step, with ``f`` the prior over the last posterior (times ``Psi``, how natural a configuration
+is in any frame), ``g`` the importance function and ``G`` the likelihood::
 
     X_i ~ g,    w_i = f(X_i) / g(X_i) * G(X_i)                                   (7)
 
@@ -122,6 +122,10 @@ class Model(Protocol):
         """What is sampled."""
         ...
 
+    def logPsi(self, X: Array) -> Array:
+        """How natural configurations are whatever the frame ``(n,)``; counts as prior."""
+        ...
+
 
 @dataclass(frozen=True)
 class FilterSettings:
@@ -202,7 +206,7 @@ class ParticleFilter:
         before = self._before if again else self.posterior
         f, g = self._prior_and_importance(rng, before, proposals)
         X = g.sample(rng, self.settings.particles)
-        log_f = f.log_density(X)
+        log_f = f.log_density(X) + self.dynamics.logPsi(X)
         cloud = _Cloud(X, log_f, _checked(log_likelihood(X)), log_f - g.log_density(X))  # (7)
         cloud = self._anneal(rng, cloud, f, log_likelihood)
         target = cloud.log_f + self.settings.limit * cloud.logG
@@ -259,7 +263,8 @@ class ParticleFilter:
             # than that, as theirs may be several clusters
             reach = 2.38 / np.sqrt(k) * rng.uniform(0.1, 1.0, (n, 1))
             Y = X + reach * rng.standard_normal((n, k)) @ root.T
-            log_fY, logGY = f.log_density(Y), _checked(log_likelihood(Y))
+            log_fY = f.log_density(Y) + self.dynamics.logPsi(Y)
+            logGY = _checked(log_likelihood(Y))
             gain = log_fY - log_f + power(logGY, cloud.exponent) - power(logG, cloud.exponent)
             accept = np.log(rng.random(n)) < gain
             X = np.where(accept[:, None], Y, X)

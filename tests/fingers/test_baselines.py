@@ -63,6 +63,9 @@ def test_all_three_are_filters():
     start = Gaussians(np.ones(1), np.zeros((1, K)), np.ones(K))
 
     class Model:
+        def logPsi(self, X):
+            return np.zeros(len(X))
+
         def M0(self):
             return start
 

@@ -93,6 +93,14 @@ def test_in_the_real_space_27_lines_leave_a_basis_state():
     assert np.median(real.nearest_line(X)[3]) < 2 * np.linalg.norm(dynamics.off_sigma)
 
 
+def test_what_is_near_the_lines_is_natural():
+    X = np.array([[2.0, 0.0], [0.0, 0.0], [2.0, 0.9], [4.0, 3.0]])
+    distance = SPACE.nearest_line(X)[3]
+    assert np.allclose(DYNAMICS.logPsi(X), -(distance**2) / (2 * DYNAMICS.near**2))
+    assert np.allclose(DYNAMICS.logPsi(X[:2]), 0)
+    assert np.allclose(Dynamics(SPACE, SIGMA, OFF, near=np.inf).logPsi(X), 0)
+
+
 def test_weights_of_lines_are_those_of_the_particles():
     X = np.array([[1.0, 0.3], [0.05, -0.05], [0.2, 1.5]])
     W = np.array([0.5, 0.3, 0.2])

@@ -20,6 +20,9 @@ SHIFT = np.array([0.5, -0.2])
 class Walk:
     """A random walk, sampled from something else on purpose."""
 
+    def logPsi(self, X):
+        return np.zeros(len(X))
+
     def M0(self):
         return Gaussians(np.ones(1), np.zeros((1, 2)), np.sqrt(P0))
 
@@ -109,6 +112,27 @@ def test_a_filter_that_forgets_to_compensate_is_noticed():
         posterior = scheme.step(rng, log_likelihood(z))
         z_scores.append((posterior.mean - m) / np.sqrt(np.diag(P)) * np.sqrt(posterior.ess))
     assert np.sqrt(np.mean(np.square(z_scores))) > 3
+
+
+@pytest.mark.parametrize("layers", [1, 20])
+def test_what_is_natural_counts_as_prior(layers):
+    """A Gaussian Psi is one more measurement, which Kalman's filter can take in."""
+    pull, at = 4.0, np.array([0.5, -0.5])
+
+    class Natural(Walk):
+        def logPsi(self, X):
+            return -pull / 2 * np.sum((X - at) ** 2, axis=1)
+
+    z = np.array([1.0, 0.5, 0.3])
+    share = 0.5 if layers > 1 else 0.0
+    settings = FilterSettings(4000, share, layers, moves=2)
+    posterior = ParticleFilter(Natural(), settings).step(
+        np.random.default_rng(0), log_likelihood(z)
+    )
+    precision = np.diag(1 / P0) + H.T @ np.diag(1 / NOISE) @ H + pull * np.eye(2)
+    mean = np.linalg.solve(precision, H.T @ (z / NOISE) + pull * at)
+    std = np.sqrt(np.diag(np.linalg.inv(precision)))
+    assert np.allclose(posterior.mean / std, mean / std, atol=5 / np.sqrt(posterior.ess))
 
 
 def test_evidence_is_unbiased():
