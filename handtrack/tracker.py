@@ -269,7 +269,9 @@ class Tracker:
             track.misses += 1
             return
         camera = self._tracked_camera(track)
-        for candidate in Segmenter.bootstrap(image, track.segmenter.background)[:2]:
+        segmenter = track.segmenter
+        anything = segmenter.find(image) or Segmenter.bootstrap(image, segmenter.background)
+        for candidate in anything[:2]:
             evidence = see(image, window_around(candidate.mask), camera, track.segmenter)
             found = find_hand(
                 View.of(evidence), track.searcher, ("palm", "back"), self.rng, known=track.estimate
