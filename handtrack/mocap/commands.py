@@ -13,7 +13,6 @@ from tqdm import tqdm
 
 from handtrack import rotation
 from handtrack.errors import InputError, OutputError
-from handtrack.hand.kinematics import keypoints_mm
 from handtrack.mocap import page
 from handtrack.mocap.attach import attach, disturbed, find_mapping
 from handtrack.mocap.bvh import read_bvh
@@ -28,9 +27,10 @@ from handtrack.mocap.handover import (
 )
 from handtrack.mocap.marker_io import SUFFIXES, read_markers, write_markers
 from handtrack.mocap.marker_sets import MarkerSet, marker_set
-from handtrack.mocap.markers import Gap, Markers, joined
+from handtrack.mocap.markers import Markers, joined
 from handtrack.mocap.ranking import Ranking, greedy, rank
 from handtrack.mocap.regression import Regression
+from handtrack.mocap.result import report, trajectory_of
 from handtrack.mocap.root import RootLink, reference_of, root_relative
 from handtrack.output.bvh import write_hand_bvh
 from handtrack.output.files import hidden_beside, open_whole, output_folder, put_in_place
@@ -219,7 +219,7 @@ class HandoverCommand:
         with _progress(len(Q), "frames", self.quiet) as bar:
             hand = reconstruct(base, X, Q, settings)
             bar.update(len(Q))
-        trajectory = _trajectory(base, query, Q, link, hand, settings)
+        trajectory = trajectory_of(base, query, Q, link, hand, settings)
         record = self._record(base, query, names, link, trajectory)
         self._write(base, query, names, hand, trajectory, record)
         if not self.quiet:
@@ -274,7 +274,9 @@ class HandoverCommand:
     ) -> None:
         out = output_folder(self.out)
         ranking = rank(base.labels, base.X_mm)
-        text = _report(self, base, names, ranking, hand, trajectory, record)
+        text = report(
+            self.query.name, marker_set(self.set), base, names, ranking, hand, trajectory, record
+        )
         table = TableWriter(out / ANGLES_CSV, angle_columns)
         try:
             table.write(trajectory)
@@ -295,73 +297,6 @@ class HandoverCommand:
         with open_whole(out / "report.html") as file:
             file.write(text)
         write_provenance(out / RUN_JSON, record)
-
-
-def _trajectory(
-    base: Database,
-    query: Markers,
-    Q_mm: Array,
-    link: RootLink,
-    hand: Reconstruction,
-    settings: Handover,
-) -> Trajectory:
-    """The reconstruction with its palm pose, as every other method gives it."""
-    F = len(Q_mm)
-    share = np.isfinite(Q_mm).all(axis=-1).mean(axis=1)
-    whole = (share == 1) & np.isfinite(link.residual_mm)
-    status = np.where(whole, Status.TRACKED.value, Status.PREDICTED.value)
-    status = np.where(share > 0, status, Status.LOST.value)
-    known = (share > 0)[:, None]
-    mirror = np.array([-1.0 if base.side == "left" else 1.0, 1, 1])
-    points = link.to_world(keypoints_mm(hand.theta, base.shape) * mirror)
-    return Trajectory(
-        frame=np.arange(F),
-        time_s=np.arange(F) / query.rate_hz,
-        status=status,
-        side=np.full(F, base.side),
-        confidence=share,
-        ess=np.full(F, np.nan),
-        palm_mm=np.where(known, link.t_mm, np.nan),
-        palm_wxyz=np.where(known, rotation.to_quaternion(link.R), np.nan),
-        theta=hand.theta,
-        theta_std=hand.std,
-        keypoints_px=np.full((F, 21, 2), np.nan),
-        keypoints_mm=points,
-        provenance={"method": "handover", "settings": asdict(settings)},
-    )
-
-
-def _report(
-    command: HandoverCommand,
-    base: Database,
-    names: Sequence[str],
-    ranking: Ranking,
-    hand: Reconstruction,
-    trajectory: Trajectory,
-    record: dict[str, Any],
-) -> str:
-    time_s = trajectory.time_s
-    gaps = [Gap(**g) for g in record["query"]["gaps"]]
-    std = np.degrees(np.nanmedian(trajectory.theta_std))
-    parts = [
-        page.paragraph(str(record["counts"]["sentence"])),
-        page.paragraph(
-            f"Data base: {', '.join(base.sources)}, {len(base.theta)} frames, {base.side} hand. "
-            f"Markers: {', '.join(names)}. Median stated standard deviation {std:.1f} deg."
-        ),
-        page.picture(
-            page.draw_angles(time_s, trajectory.theta, trajectory.theta_std), "angles over time"
-        ),
-        page.picture(
-            page.draw_components(time_s, {"reconstructed": hand.scores}), "components over time"
-        ),
-        page.picture(page.draw_ranking(ranking, marker_set(command.set), names), "markers"),
-        page.paragraph("Orange: the markers used; numbers: their rank by Algorithm 1."),
-    ]
-    if gaps:
-        rows = [asdict(gap) for gap in gaps[:200]]
-        parts += ["<h2>Gaps</h2>", page.table(rows)]
-    return page.page(f"Hand-over of {command.query.name}", parts)
 
 
 def _progress(total: int, unit: str, quiet: bool = False) -> "tqdm[None]":
