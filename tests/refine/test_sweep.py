@@ -1,0 +1,49 @@
+"""Sweeps: what is proposed, and that they leave a local minimum that refinement cannot."""
+
+import numpy as np
+
+from handtrack.estimate import Estimate
+from handtrack.hand.skeleton import LIMITS
+from handtrack.refine.sweep import SweepSettings, propose, stratified, sweep
+from handtrack.refine.view import View
+from handtrack.refined import RefinedMethod, effective_samples
+
+
+def test_stratified_samples_fill_every_slice() -> None:
+    u = stratified(50, 2, np.random.default_rng(0))
+    for axis in range(2):
+        assert sorted((u[:, axis] * 50).astype(int)) == list(range(50))
+
+
+def test_candidates_respect_the_limits_and_reach_both_ends(method: RefinedMethod) -> None:
+    rng = np.random.default_rng(1)
+    candidates = propose(np.zeros(20), 1, method.lines[1], SweepSettings(samples=200), rng)
+    assert candidates.shape == (200, 4)
+    assert (candidates >= LIMITS[4:8, 0] - 1e-12).all()
+    assert (candidates <= LIMITS[4:8, 1] + 1e-12).all()
+    assert np.ptp(candidates[:, 2]) > np.radians(80)
+
+
+def test_a_sweep_finds_a_finger_that_refinement_does_not(
+    method: RefinedMethod, view: View, truth
+) -> None:
+    pose, theta = truth
+    wrong = theta.copy()
+    wrong[4:8] = np.radians([85.0, 0.0, 100.0, 60.0])  # the index is thought to be a fist's
+    prior = method.prior(Estimate(pose, wrong, np.full(20, 0.1)), loose=4.0)
+    stuck = method.refiner(view, pose, wrong, prior, 20)
+    swept, energies = sweep(
+        method.refiner, view, pose, wrong, prior, method.lines, SweepSettings(),
+        np.random.default_rng(0),
+    )  # fmt: skip
+    after = method.refiner(view, pose, swept, prior, 20)
+    assert after.energy < stuck.energy
+    assert np.degrees(np.abs(after.theta[4:8] - theta[4:8])).mean() < 15
+    assert energies.shape == (5, SweepSettings().samples)
+
+
+def test_effective_samples_of_equal_and_of_one_sided_energies() -> None:
+    assert abs(effective_samples(np.zeros((5, 40))) - 40) < 1e-9
+    one = np.full((5, 40), 1e4)
+    one[:, 3] = 0
+    assert abs(effective_samples(one) - 1) < 1e-9
