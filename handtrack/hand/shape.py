@@ -11,20 +11,19 @@ its -z; so the rest frames carry the fan of the fingers, their convergence when 
 ((5, 3), [0.0, 88.0, 0.0])
 """
 
-import tomllib
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import tomli_w
 from numpy.typing import NDArray
 
 from handtrack import rotation
-from handtrack.errors import InputError, OutputError
+from handtrack.errors import InputError
 from handtrack.hand.skeleton import DIGITS
+from handtrack.toml_file import check_keys, read_document, write_document
 
 Array = NDArray[np.float64]
+FORMAT = "handtrack-hand"
 FORMAT_VERSION = 1
 
 _ARRAY_SHAPES: dict[str, tuple[int | None, ...]] = {
@@ -89,8 +88,13 @@ class HandShape:
                 )
             array.setflags(write=False)
             object.__setattr__(self, name, array)
+        for name in ("palm_radius_mm", "wrist_radius_mm"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int | float | np.floating):
+                raise InputError(f"hand shape: {name} = {value!r} is no number")
         for name in ("length_mm", "radius_mm", "palm_radius_mm", "wrist_radius_mm"):
-            if np.min(getattr(self, name)) <= 0:
+            values = np.asarray(getattr(self, name))
+            if not (np.isfinite(values) & (values > 0)).all():
                 raise InputError(f"hand shape: {name} must be positive everywhere")
 
     @classmethod
@@ -157,8 +161,6 @@ class HandShape:
     def save(self, path: str | Path) -> None:
         """Write ``hand.toml``: mm and radians, one table a digit."""
         document = {
-            "format": "handtrack-hand",
-            "version": FORMAT_VERSION,
             "source": self.source,
             "calibrated": self.calibrated,
             "palm_radius_mm": self.palm_radius_mm,
@@ -168,10 +170,7 @@ class HandShape:
             digit: {name: np.round(getattr(self, name)[d], 6).tolist() for name in _DIGIT_FIELDS}
             for d, digit in enumerate(DIGITS)
         }
-        try:
-            Path(path).write_text(tomli_w.dumps(document), encoding="utf-8")
-        except OSError as error:
-            raise OutputError(f"{path}: cannot write the hand shape ({error.strerror})") from error
+        write_document(path, FORMAT, FORMAT_VERSION, document)
 
     @classmethod
     def load(cls, path: str | Path) -> "HandShape":
@@ -183,24 +182,19 @@ class HandShape:
             The file is missing, is not TOML, is of another version, lacks a key or has one
             that is not known.
         """
-        document = _read_toml(Path(path))
-        if document.pop("format", None) != "handtrack-hand":
-            raise InputError(f"{path}: not a hand file (its 'format' is not 'handtrack-hand')")
-        if (version := document.pop("version", None)) != FORMAT_VERSION:
-            raise InputError(f"{path}: hand file version {version}, this reads {FORMAT_VERSION}")
+        document = read_document(path, FORMAT, FORMAT_VERSION)
         digits = {digit: document.pop(digit, {}) for digit in DIGITS}
-        known = {f.name for f in fields(cls)} - set(_DIGIT_FIELDS)
-        stray = set(document) - known
-        stray |= {f"{d}.{k}" for d in DIGITS for k in set(digits[d]) - set(_DIGIT_FIELDS)}
-        missing = known - set(document)
-        missing |= {f"{d}.{k}" for d in DIGITS for k in set(_DIGIT_FIELDS) - set(digits[d])}
-        for kind, names in (("unknown", stray), ("missing", missing)):
-            if names:
-                raise InputError(f"{path}: {kind} key {', '.join(sorted(names))}")
+        for digit, table in digits.items():
+            if not isinstance(table, dict):
+                raise InputError(f"{path}: {digit} = {table!r}, wanted a table [{digit}]")
+        found = {f"{d}.{k}" for d in DIGITS for k in digits[d]} | set(document)
+        wanted = {f"{d}.{k}" for d in DIGITS for k in _DIGIT_FIELDS}
+        wanted |= {f.name for f in fields(cls)} - set(_DIGIT_FIELDS)
+        check_keys(path, found, wanted, set())
         try:
             document |= {k: np.array([digits[d][k] for d in DIGITS], float) for k in _DIGIT_FIELDS}
             return cls(**document)
-        except (TypeError, ValueError) as error:
+        except (InputError, TypeError, ValueError) as error:
             raise InputError(f"{path}: {error}") from error
 
 
@@ -210,12 +204,3 @@ _DIGIT_FIELDS = ("base_mm", "rest_rotvec", "length_mm", "radius_mm")
 def _rest_rotvec(fan: Array, roll: Array) -> Array:
     """Rest frames ``(5, 3)``: turn by ``fan`` about z, then ``roll`` about the digit itself."""
     return rotation.log(rotation.about_z(fan) @ rotation.about_y(roll))
-
-
-def _read_toml(path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot read the hand file ({error.strerror})") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not a TOML file ({error})") from error
