@@ -182,7 +182,7 @@ class Tracker:
         s = self.settings
         if s.method == "refined":
             return searcher
-        return PaperMethod(shape, self.space, s.method, s.particles, s.paper)
+        return PaperMethod(shape, self.space, s.refined, s.method, s.particles, s.paper)
 
     def _start(self, image: Image) -> None:
         """Begin a track on an open palm, or after some waiting on whatever fits well."""
