@@ -42,6 +42,9 @@ Scheme = Literal["paper", "condensation", "random"]
 #: Samples of each scheme in the paper's comparison.
 PUBLISHED: dict[str, int] = {"paper": 100, "condensation": 3000, "random": 5000}
 
+#: Spread of the particles about an estimate that was found otherwise, as a share of the space's.
+START_SHARE = 0.3
+
 
 @dataclass(frozen=True)
 class PaperSettings:
@@ -81,13 +84,15 @@ class PaperMethod(RefinedMethod):
         self.filter = make_filter(scheme, particles or PUBLISHED[scheme], space)
         self.takes_best = scheme == "random"
 
+    def restart(self, estimate: Estimate) -> None:
+        """Begin anew about an estimate that was found otherwise."""
+        about = self.space.to_X(estimate.theta)[None]
+        spread = START_SHARE * np.sqrt(self.space.variance)
+        self.filter.restart(Gaussians(np.ones(1), about, spread))
+
     def follow(self, view: View, predicted: Estimate, rng: np.random.Generator) -> Estimate:
         """The hand in this frame, from where it was expected."""
         pose, theta = self.moved(view, predicted), predicted.theta
-        if self.filter.posterior is None:
-            spread = np.sqrt(self.space.variance)
-            about = self.space.to_X(theta)[None]
-            self.filter.restart(Gaussians(np.ones(1), about, 0.3 * spread))
         for k in range(self.paper.rounds):
             before = pose, theta
             tilts = self._palm(view, pose, theta, with_tips=k > 0 and self.paper.fingertips)
