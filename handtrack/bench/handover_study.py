@@ -30,9 +30,9 @@ TIPS5 = ("thumb_tip", "index_tip", "middle_tip", "ring_tip", "little_tip")
 CLUSTERS = 30
 #: Half width of a 90 % interval of a normal distribution, in standard deviations.
 NINETY = 1.6449
-#: Grid of the tuned regression.
+#: Grid of the tuned regression; neighbours as a share of the data base, 0 for all of it.
 GRID = {
-    "neighbours": (0, 300),
+    "neighbours": (0.0, 0.2, 0.5),
     "ridge_mm": (0.0, 0.5, 1.0),
     "power": (1.0, 2.0, 3.0),
     "window": (0, 1),
@@ -139,12 +139,13 @@ def tuned(base: Database, chosen: Sequence[str], frames: int = 1200) -> Handover
     X = columns(base, base.labels, chosen)
     step = max(round(PAPER.window_step_s * base.rate_hz), 1)
     best, least = PAPER, np.inf
-    for neighbours, ridge, power, window in product(*GRID.values()):
-        regression = Regression(int(neighbours), float(ridge), float(power))
+    for share, ridge, power, window in product(*GRID.values()):
+        regression = Regression(int(share * len(rows)), float(ridge), float(power))
         local = windowed(X, base.starts, int(window), step)[rows]
         error = cross_validated(local, base.theta[rows], parts, regression)
         if error < least:
-            best = replace(PAPER, regression=regression, window=int(window))
+            whole = replace(regression, neighbours=int(share * len(base.theta)))
+            best = replace(PAPER, regression=whole, window=int(window))
             least = error
     return best
 

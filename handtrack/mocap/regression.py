@@ -42,7 +42,7 @@ Array = NDArray[np.float64]
 SAME_MM = 1e-6
 #: Directions whose standard deviation is below this carry no information.
 STILL_MM = 1e-4
-_QUERIES, _FRAMES = 256, 4096  # rows of W and of P at a time: bounds the memory
+_QUERIES, _FRAMES = 64, 4096  # rows of W and of P at a time: bounds the memory
 _JITTER = 1e-13
 
 
@@ -120,12 +120,15 @@ def _predict_whole(s: Regression, X: Array, Y: Array, Q: Array) -> tuple[Array, 
         rows = slice(first, first + _QUERIES)
         q = (Q[rows] - centre) @ axes / scale
         distance = cdist(Q[rows], X)
-        W = np.maximum(distance, SAME_MM) ** -s.power
+        W = np.maximum(distance, SAME_MM)
+        np.divide(1.0, W, out=W)
+        if s.power != 1:
+            W **= s.power
         if products is None:
             A, C, yy, square = _nearest(distance, W, Z, Y - y0, limit)
         else:
             A, C, yy = products.sums(W)
-            square = (W * W).sum(axis=1)
+            square = np.einsum("fn,fn->f", W, W)
         mean[rows], std[rows] = _solve(A, C, yy, square, q, ridge)
         for k in np.flatnonzero(distance.min(axis=1) < SAME_MM):
             mean[first + k] = Y[distance[k] < SAME_MM].mean(axis=0) - y0
