@@ -115,8 +115,12 @@ class Background:
             return
         self._fit_to(small, frame_rgb.shape[1])
         wide = np.asarray(cv2.resize(backdrop, small.shape[1::-1]), np.float32)
-        agrees = np.abs(small - wide).max(axis=-1) < 4 * sigma
-        new = (self.age < KNOWN_FRAMES) & (agrees | (self._resized(hand) > 0))
+        distance = np.abs(small - wide).max(axis=-1)
+        covered = self._resized(hand) > 0
+        agrees = distance < 4 * sigma
+        if not covered.any() or np.median(distance[covered]) < 5 * sigma:
+            return  # the hand is too much like it
+        new = (self.age < KNOWN_FRAMES) & (agrees | covered)
         self.mean[new] = wide[new]
         self.variance[new] = (1.5 * sigma) ** 2
         self.age[new] = KNOWN_FRAMES

@@ -49,9 +49,14 @@ class ColourModel:
         Densities per bin of hand and background.
     shadows : bool
         The dimmed background counts as background.
+    gain : float
+        A dim clip is brightened by this much first, so that it fills the bins.
     """
 
-    def __init__(self, hand: Float, background: Float, shadows: bool = True) -> None:
+    def __init__(
+        self, hand: Float, background: Float, shadows: bool = True, gain: float = 1.0
+    ) -> None:
+        self.gain = gain
         self.shadows = shadows
         self._anchor = np.stack([hand, background], axis=-1)
         self._running = self._anchor.copy()
@@ -71,8 +76,11 @@ class ColourModel:
 
         Without ``shadows``, the background is not also counted dimmed.
         """
-        wall = histogram(background, background_weight, SHADES if shadows else SHADES[:1])
-        return cls(histogram(hand, hand_weight), wall, shadows)
+        gain = _gain_of(hand, background)
+        f = histogram(brightened(hand, gain), hand_weight)
+        shades = SHADES if shadows else SHADES[:1]
+        b = histogram(brightened(background, gain), background_weight, shades)
+        return cls(f, b, shadows, gain)
 
     def learn(self, hand: Pixels, background: Pixels, rate: float) -> None:
         """Move the running histograms by ``rate`` (0 to 1) towards RGB samples ``(n, 3)``.
@@ -80,6 +88,7 @@ class ColourModel:
         What the anchor firmly calls the opposite is not learned: a sleeve is no hand, however often
         the model of a forearm is laid over it.
         """
+        hand, background = brightened(hand, self.gain), brightened(background, self.gain)
         hand = hand[_log_odds(hand, self._anchor_table) > -FIRM]
         background = background[_log_odds(background, self._anchor_table) < FIRM]
         wall_shades = SHADES if self.shadows else SHADES[:1]
@@ -91,10 +100,27 @@ class ColourModel:
 
     def log_odds(self, rgb: Pixels) -> Float:
         """``log f - log b`` of RGB pixels ``(..., 3)``, as float32 ``(...)``."""
-        return _log_odds(rgb, self.table)
+        return _log_odds(brightened(rgb, self.gain), self.table)
 
     def _rebuild(self) -> None:
         self.table = _with_floor(ANCHOR * self._anchor + (1 - ANCHOR) * self._running)
+
+
+def brightened(rgb: Pixels, gain: float) -> Pixels:
+    """RGB ``(..., 3)`` times ``gain``."""
+    if gain == 1.0 or rgb.size == 0:
+        return rgb
+    flat = np.ascontiguousarray(rgb).reshape(-1, 3)
+    return np.asarray(cv2.convertScaleAbs(flat, alpha=gain), np.uint8).reshape(rgb.shape)
+
+
+def _gain_of(hand: Pixels, background: Pixels) -> float:
+    """What brings the brightest colours near white, 1 to 5; 1 unless the clip is really dim."""
+    if len(hand) == 0 or len(background) == 0:
+        return 1.0
+    bright = max(float(np.quantile(part.max(axis=-1), 0.98)) for part in (hand, background))
+    gain = min(230 / max(bright, 1.0), 5.0)
+    return gain if gain > 1.3 else 1.0
 
 
 def _with_floor(densities: Float) -> Float:

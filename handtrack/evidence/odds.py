@@ -28,14 +28,19 @@ _BIN_VOLUME_RGB = 589.0  # RGB volume of one bin of the colour model
 
 
 def log_odds_image(
-    rgb: Pixels, ycc: Pixels, table: Float, local: Float | None, shadow_share: float
+    rgb: Pixels,
+    ycc: Pixels,
+    table: Float,
+    local: Float | None,
+    shadow_share: float,
+    gain: float = 1.0,
 ) -> Float:
     """Log odds ``(h, w)`` of a crop, clipped to ``MOST``.
 
     Parameters
     ----------
     rgb, ycc : (h, w, 3)
-        The crop in both colour spaces.
+        The crop in both colour spaces, ``ycc`` as bright as the table wants it.
     table : (32, 32, 32, 2)
         Densities per bin of hand and background.
     local : (h, w, 4), optional
@@ -43,20 +48,23 @@ def log_odds_image(
         1000 where it is not known.
     shadow_share : float
         Share of shadows in the local background.
+    gain : float
+        By which ``ycc`` is brighter than ``rgb``.
     """
     out = np.empty(rgb.shape[:2], np.float32)
     wall = np.zeros((0, 0, 4), np.float32) if local is None else local
-    log_odds_kernel(rgb, ycc, table, wall, np.float32(shadow_share), out)
+    volume = np.float32(_BIN_VOLUME_RGB / gain**3)
+    log_odds_kernel(rgb, ycc, table, wall, np.float32(shadow_share), volume, out)
     return out
 
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy")
-def log_odds_kernel(rgb, ycc, table, local, shadow_share, out):  # type: ignore[no-untyped-def]
+def log_odds_kernel(rgb, ycc, table, local, shadow_share, volume, out):  # type: ignore[no-untyped-def]
     """Fill ``out`` ``(h, w)``; ``local`` may be empty."""
     h, w = out.shape
     for i in range(0, h, 2):
         for j in range(0, w, 2):
-            out[i, j] = pixel(rgb, ycc, table, local, shadow_share, i, j)
+            out[i, j] = pixel(rgb, ycc, table, local, shadow_share, volume, i, j)
     last_row, last_column = (h - 1) - (h - 1) % 2, (w - 1) - (w - 1) % 2
     for i in range(h):
         top = i - i % 2
@@ -68,21 +76,21 @@ def log_odds_kernel(rgb, ycc, table, local, shadow_share, out):  # type: ignore[
             if min(a, b, c, d) > SURE or max(a, b, c, d) < -SURE:
                 out[i, j] = np.float32(0.25) * (a + b + c + d)
             else:
-                out[i, j] = pixel(rgb, ycc, table, local, shadow_share, i, j)
+                out[i, j] = pixel(rgb, ycc, table, local, shadow_share, volume, i, j)
 
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy", forceinline=True)
-def pixel(rgb, ycc, table, local, shadow_share, i, j):  # type: ignore[no-untyped-def]
+def pixel(rgb, ycc, table, local, shadow_share, volume, i, j):  # type: ignore[no-untyped-def]
     """Log odds at one pixel."""
     f, b = densities(table, ycc[i, j, 0], ycc[i, j, 1], ycc[i, j, 2])
     if local.shape[0] > 0 and local[i, j, 3] < np.float32(1e3):
-        wall = wall_density(rgb, local, shadow_share, i, j)
+        wall = wall_density(rgb, local, shadow_share, volume, i, j)
         b = np.float32(1 - LOCAL_SHARE) * b + np.float32(LOCAL_SHARE) * wall
     return min(max(np.log(f / b), np.float32(-MOST)), np.float32(MOST))
 
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy", forceinline=True)
-def wall_density(rgb, local, shadow_share, i, j):  # type: ignore[no-untyped-def]
+def wall_density(rgb, local, shadow_share, volume, i, j):  # type: ignore[no-untyped-def]
     """Density per bin of what stands behind this pixel, plain or in the shade.
 
     Where the background changes from pixel to pixel its deviation is larger: the camera
@@ -100,7 +108,6 @@ def wall_density(rgb, local, shadow_share, i, j):  # type: ignore[no-untyped-def
         gx, gy = local[i, right, c] - mu, local[below, j, c] - mu
         slope += gx * gx + gy * gy
     s2 = local[i, j, 3] * local[i, j, 3] + np.float32(0.1) * slope
-    volume = np.float32(_BIN_VOLUME_RGB)
     density = zero
     if d2 < 40 * s2:
         density = min(one, volume / (np.float32(15.75) * s2 * np.sqrt(s2))) * np.exp(

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from handtrack.camera import Window
 from handtrack.evidence.background import Background, shrink
 from handtrack.evidence.candidates import LONG_SIDE_PX, Candidate, find_candidates, ranked
-from handtrack.evidence.colour import ColourModel
+from handtrack.evidence.colour import ColourModel, brightened
 from handtrack.evidence.odds import log_odds_image
 
 Pixels = NDArray[np.uint8]
@@ -135,11 +135,13 @@ class Segmenter:
 
     def log_odds(self, rgb: Pixels, window: Window | None = None) -> Float:
         """Log odds of hand against background ``(h, w)``, clipped (``odds.MOST``)."""
-        ycc = cv2.cvtColor(cv2.GaussianBlur(rgb, (3, 3), 0.6), cv2.COLOR_RGB2YCrCb)
+        gain = self.colours.gain
+        soft = brightened(np.asarray(cv2.GaussianBlur(rgb, (3, 3), 0.6), np.uint8), gain)
+        ycc = np.asarray(cv2.cvtColor(soft, cv2.COLOR_RGB2YCrCb), np.uint8)
         known = window is not None and self.background.known.any()
         local = self.background.through(window) if window is not None and known else None
         shadow = SHADOW_SHARE if self.colours.shadows else 0.0
-        return log_odds_image(rgb, np.asarray(ycc, np.uint8), self.colours.table, local, shadow)
+        return log_odds_image(rgb, ycc, self.colours.table, local, shadow, gain)
 
     def learn(self, rgb: Pixels, inside: Mask, outside: Mask) -> None:
         """Follow the colours of a crop, slowly.
