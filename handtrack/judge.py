@@ -16,7 +16,7 @@ class JudgeSettings:
     """When a hand counts as seen, and when as lost."""
 
     tracked_overlap: float = 0.78
-    """Intersection over union of the silhouettes above the wrist from which a frame is tracked."""
+    """Overlap of the silhouettes, without the forearm, from which a frame is tracked."""
     lost_overlap: float = 0.35
     """Below this the hand is not where the model is."""
     patience: int = 15
@@ -26,7 +26,7 @@ class JudgeSettings:
 
 
 def overlap(hand: CapsuleHand, estimate: Estimate, view: View, wrist_line_mm: float) -> float:
-    """Intersection over union of model and silhouette above the wrist, inside the frame."""
+    """Intersection over union of model and silhouette, without forearm, inside the frame."""
     pose = estimate.pose
     return float(
         capsule_overlap(

@@ -3,7 +3,7 @@
 Seeds place the palm where the silhouette holds the largest discs, at the depth that fits their
 size, in every direction in the image, tilted a little or not, with the fingers at a basis
 configuration or between two of them. Overlap of the silhouettes ranks thousands of them in tens of
-milliseconds; the best and most diverse are refined, and the lowest energy wins. A seed proposer
+milliseconds; the best and most diverse are refined, and the best overlap wins. A seed proposer
 is one function, evidence in, weighted hypotheses out; others may join.
 """
 
@@ -24,6 +24,9 @@ from handtrack.refined import RefinedMethod
 Array = NDArray[np.float64]
 #: Rotation of a palm that faces the camera, fingers up; and of the back of a hand.
 FACING = {"palm": np.diag([1.0, -1.0, -1.0]), "back": np.diag([-1.0, -1.0, 1.0])}
+
+#: A hand of known depth is not looked for at more than this ratio from it.
+MAX_DEPTH_RATIO = 1.5
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,7 @@ def find_hand(
 ) -> tuple[Estimate, float] | None:
     """The best estimate in a silhouette, and its overlap; None where there is no silhouette.
 
-    ``known`` (an earlier estimate) joins the configurations and the depths.
+    ``known`` (an earlier estimate) joins the configurations, and the depth stays near its own.
     """
     settings = settings or SeedSettings()
     discs = largest_discs(view)
@@ -67,15 +70,23 @@ def find_hand(
         Estimate(Pose(R[k], t[k]), theta[k], std) for k in diverse(score, R, theta, settings.kept)
     ]
     found = [method.settle(view, start) for start in starts]
-    found.sort(key=lambda e: e.energy)
-    best = min(
-        (method.search(view, e, rng) for e in found[: settings.finalists]), key=lambda e: e.energy
-    )
-    overlap = capsule_overlap(
-        method.hand, best.theta[None], best.pose.R[None], best.pose.t_mm[None],
-        view.intrinsics, bits, line_mm,
-    )  # fmt: skip
-    return best, float(overlap[0])
+    agreement = overlaps(view, method, found, bits)
+    order = np.argsort(-agreement)[: settings.finalists]
+    finalists = [method.search(view, found[k], rng) for k in order]
+    agreement = overlaps(view, method, finalists, bits)
+    best = int(np.argmax(agreement))
+    return finalists[best], float(agreement[best])
+
+
+def overlaps(
+    view: View, method: RefinedMethod, estimates: list[Estimate], bits: SilhouetteBits
+) -> Array:
+    """Overlap ``(n,)`` of each estimate with the silhouette."""
+    theta = np.array([e.theta for e in estimates])
+    R = np.array([e.pose.R for e in estimates])
+    t = np.array([e.pose.t_mm for e in estimates])
+    line_mm = method.settings.energy.wrist_line_mm
+    return capsule_overlap(method.hand, theta, R, t, view.intrinsics, bits, line_mm)
 
 
 def largest_discs(view: View, most: int = 3) -> list[tuple[Array, float]]:
@@ -112,7 +123,9 @@ def draw_seeds(
     disc_mm = 0.5 * float(np.ptp(shape.palm_outline_mm[:, 0])) * 0.92
     z = fx * disc_mm / radius * np.exp(rng.normal(0, settings.depth_std, n))
     if known is not None:
-        z[::2] = known.pose.t_mm[2] * np.exp(rng.normal(0, 0.5 * settings.depth_std, len(z[::2])))
+        known_z = known.pose.t_mm[2]
+        z[::2] = known_z * np.exp(rng.normal(0, 0.5 * settings.depth_std, len(z[::2])))
+        z = np.clip(z, known_z / MAX_DEPTH_RATIO, known_z * MAX_DEPTH_RATIO)
     spin = rotation.about_z(rng.uniform(-np.pi, np.pi, n))
     tilt = rotation.exp(
         np.column_stack([rng.normal(0, np.radians(settings.tilt_std_deg), (n, 2)), np.zeros(n)])

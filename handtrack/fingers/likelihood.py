@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.fingers.raster import polygon_areas
-from handtrack.fingers.silhouette import SilhouetteBits, below_wrist
+from handtrack.fingers.silhouette import SilhouetteBits, forearm_strip
 from handtrack.hand.surface import Patches, Surface
 from handtrack.records import Pose
 from handtrack.refine.view import View
@@ -65,7 +65,7 @@ def silhouette_term(
 ) -> Array:
     """Laplacian in the difference of the silhouettes, relative to the hand's area, ``(n,)``.
 
-    ``below`` ``(4, 2)`` is the part of the image under the wrist, which does not count.
+    ``below`` ``(4, 2)`` is the forearm's part of the image, which does not count.
     """
     counts = np.empty((len(patches.corners), 3))
     polygon_areas(patches.corners, below, bits.scale, bits.hand, bits.outside, counts)
@@ -84,10 +84,13 @@ class FingerLikelihood:
         pose: Pose,
         settings: LikelihoodSettings,
         wrist_y_mm: float = 6.0,
+        wrist_radius_mm: float = 26.0,
     ) -> None:
         self.surface, self.view, self.pose, self.settings = surface, view, pose, settings
         self.bits = SilhouetteBits.of(view)
-        self.below = below_wrist(pose.R[None], pose.t_mm[None], view.intrinsics, wrist_y_mm)[0]
+        self.below = forearm_strip(
+            pose.R[None], pose.t_mm[None], view.intrinsics, self.bits, wrist_y_mm, wrist_radius_mm
+        )[0]
 
     def __call__(self, theta: Array) -> Array:
         """Log-likelihood ``(n,)``; large batches are worked off in parts of bounded memory."""

@@ -1,4 +1,10 @@
-"""A frame's silhouette as bits, and the part of the image below the wrist that does not count."""
+"""A frame's silhouette as bits, and the forearm in it, which does not count.
+
+Real hands come with an arm. Below the wrist a strip is left out of every comparison: as wide as the
+wrist and a little more, in the direction in which the silhouette goes on farthest. It is only a
+strip: were everything below the wrist left out, a model that sits on the forearm and has the
+hand itself below its wrist would fit perfectly.
+"""
 
 from dataclasses import dataclass
 
@@ -12,14 +18,19 @@ from handtrack.records import freeze_arrays
 from handtrack.refine.view import View
 
 Array = NDArray[np.float64]
-#: Length and half width in palm-frame mm of the strip below the wrist that is left out.
-STRIP_MM = 600.0
+#: Length of the forearm strip, and how far along it the silhouette is followed.
+STRIP_MM, FOLLOWED_MM = 600.0, 130.0
+#: Directions tried, from the palm's axis.
+BENT_RAD = np.radians(np.arange(-45.0, 46.0, 9.0))
+#: Half width at the wrist in wrist radii, and what it grows by for each mm along the strip.
+WIDTH, GROWTH = 1.3, 0.12
 
 
 @dataclass(frozen=True, eq=False)
 class SilhouetteBits:
     """Bit rows ``(GRID, WORDS)``: where the hand is seen, and what lies outside the frame."""
 
+    grid: NDArray[np.bool_]  # (GRID, GRID) hand or outside the frame
     hand: NDArray[np.uint64]
     outside: NDArray[np.uint64]
     scale: float  # grid cells to a pixel of the window
@@ -38,32 +49,49 @@ class SilhouetteBits:
         x0, y0, x1, y1 = view.valid.astype(int)
         masks[1, y0:y1, x0:x1] = 0
         hand, outside = (
-            pack_bits(cv2.resize(m * 255, (GRID, GRID), interpolation=cv2.INTER_AREA) > 127)
-            for m in masks
+            cv2.resize(m * 255, (GRID, GRID), interpolation=cv2.INTER_AREA) > 127 for m in masks
         )
-        return cls(hand, outside, GRID / size)
+        return cls(hand | outside, pack_bits(hand), pack_bits(outside), GRID / size)
 
 
-def below_wrist(R: Array, t_mm: Array, intrinsics: Array, wrist_y_mm: float) -> Array:
-    """Quadrilaterals ``(n, 4, 2)`` in px of the half plane below the wrist line of each pose.
+def forearm_strip(
+    R: Array,
+    t_mm: Array,
+    intrinsics: Array,
+    bits: SilhouetteBits,
+    wrist_y_mm: float,
+    wrist_radius_mm: float,
+) -> Array:
+    """Quadrilaterals ``(n, 4, 2)`` in px of the strip below the wrist of each pose.
 
-    The line runs through the palm's point ``(0, wrist_y, 0)``, across the image of its y axis.
+    ``R`` ``(n, 3, 3)``, ``t_mm`` ``(n, 3)``. The strip begins at the palm's point
+    ``(0, wrist_y, 0)``.
     """
     fx, fy, cx, cy = intrinsics
     ends = np.array([[0.0, wrist_y_mm, 0.0], [0.0, wrist_y_mm + 20.0, 0.0]])
     X = ends @ np.swapaxes(R, -1, -2) + t_mm[:, None]
     px = X[..., :2] / np.maximum(X[..., 2:], 1.0) * (fx, fy) + (cx, cy)
-    a, axis = px[:, 0], px[:, 1] - px[:, 0]
-    axis = axis / np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-9)
-    across = np.stack([-axis[:, 1], axis[:, 0]], axis=1)
-    reach = STRIP_MM * fx / np.maximum(X[:, 0, 2:], 1.0)
+    wrist, down = px[:, 0], px[:, 0] - px[:, 1]
+    down = down / np.maximum(np.linalg.norm(down, axis=1, keepdims=True), 1e-9)
+    px_per_mm = (fx / np.maximum(X[:, 0, 2], 1.0))[:, None]
+    c, s = np.cos(BENT_RAD), np.sin(BENT_RAD)
+    x, y = down[:, :1], down[:, 1:]
+    ways = np.stack([c * x - s * y, s * x + c * y], axis=-1)  # (n, b, 2)
+    steps = np.linspace(0.1, 1.0, 14) * FOLLOWED_MM * px_per_mm  # (n, k)
+    points = wrist[:, None, None] + ways[:, :, None] * steps[:, None, :, None]
+    cell = ((points + 0.5) * bits.scale).astype(int)
+    known = ((cell >= 0) & (cell < GRID)).all(axis=-1)
+    cell = np.clip(cell, 0, GRID - 1)
+    inside = bits.grid[cell[..., 1], cell[..., 0]] | ~known
+    # of directions alike, the straighter
+    best = np.argmax(inside.sum(axis=-1) - 1e-3 * np.abs(BENT_RAD), axis=1)
+    way = ways[np.arange(len(ways)), best]
+    across = np.stack([-way[:, 1], way[:, 0]], axis=1)
+    near = WIDTH * wrist_radius_mm * px_per_mm
+    far = near + GROWTH * STRIP_MM * px_per_mm
+    end = wrist + STRIP_MM * px_per_mm * way
     return np.stack(
-        [
-            a - reach * across,
-            a + reach * across,
-            a + reach * across - reach * axis,
-            a - reach * across - reach * axis,
-        ],
+        [wrist - near * across, wrist + near * across, end + far * across, end - far * across],
         axis=1,
     )
 
@@ -77,15 +105,15 @@ def capsule_overlap(
     bits: SilhouetteBits,
     wrist_y_mm: float,
 ) -> Array:
-    """Intersection over union ``(n,)`` of model and silhouette above each pose's wrist.
+    """Intersection over union ``(n,)`` of model and silhouette, without the forearm.
 
     ``theta`` ``(n, 20)``, ``R`` ``(n, 3, 3)``, ``t_mm`` ``(n, 3)``.
     """
     circles = hand.circles_px(theta, R, t_mm, intrinsics)
-    below = below_wrist(R, t_mm, intrinsics, wrist_y_mm)
+    strip = forearm_strip(R, t_mm, intrinsics, bits, wrist_y_mm, hand.shape.wrist_radius_mm)
     counts = np.empty((len(theta), 3))
     capsule_areas(
-        circles, hand.capsule_node, below, bits.scale, bits.hand, bits.outside, counts
+        circles, hand.capsule_node, strip, bits.scale, bits.hand, bits.outside, counts
     )  # fmt: skip
     model, differ, seen = counts.T
     union = 0.5 * (model + seen + differ)

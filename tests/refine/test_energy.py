@@ -34,7 +34,8 @@ def test_prior_gradient_by_finite_differences(method: RefinedMethod, view: View,
     rng = np.random.default_rng(0)
     elsewhere = Estimate(pose, theta + 0.05 * rng.normal(size=20), np.full(20, 0.1))
     prior = method.prior(elsewhere)
-    turned = Pose(rotation.exp([0.004, -0.003, 0.005]) @ pose.R, pose.t_mm + np.array([1.0, -2.0, 3.0]))
+    shift = np.array([1.0, -2.0, 3.0])
+    turned = Pose(rotation.exp([0.004, -0.003, 0.005]) @ pose.R, pose.t_mm + shift)
     blind = View(
         contour=np.empty((0, 2)), normal=np.empty((0, 2)), inner=np.empty((0, 5)), sdf=view.sdf,
         edge_strength=view.edge_strength, edge_x=view.edge_x, edge_y=view.edge_y,
