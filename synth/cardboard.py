@@ -57,8 +57,8 @@ def palm_outline(hand: HandSpec) -> Array:
 
 def patches(theta: Array, hand: HandSpec, forearm_mm: float, wrist: Array) -> list[Patch]:
     """All 17 patches of one configuration."""
-    q, start, end = bone_frames(theta, hand)
-    across = quat.rotate(q, np.array([1.0, 0.0, 0.0]))
+    _, start, end = bone_frames(theta, hand)
+    across = np.repeat(_across(theta, hand), 3, axis=0)
     flat = palm_outline(hand)
     pieces = [Patch(np.column_stack([flat, np.zeros(len(flat))]), 1.0)]
     w0, w1 = hand.wrist_mm[0], hand.wrist_mm[0] + 0.04 * forearm_mm
@@ -73,6 +73,14 @@ def patches(theta: Array, hand: HandSpec, forearm_mm: float, wrist: Array) -> li
             Patch(np.array([a - x * r0, b - x * r1, b + x * r1, a + x * r0]), 1 - 0.04 * j)
         )
     return pieces
+
+
+def _across(theta: Array, hand: HandSpec) -> Array:
+    """Unit vectors ``(5, 3)`` across the digits, in the palm's plane: cardboard has no roll."""
+    flat = theta.reshape(5, 4) * (0.0, 1.0, 0.0, 0.0)
+    q, _, _ = bone_frames(flat.ravel(), hand)
+    x = np.cross(quat.rotate(q[::3], np.array([0.0, 1.0, 0.0])), (0.0, 0.0, 1.0))
+    return np.asarray(x / np.linalg.norm(x, axis=1, keepdims=True))
 
 
 class CardboardActor:

@@ -25,8 +25,15 @@ Array = NDArray[np.float64]
 OPEN_DEG = np.array(
     [[2, 6, 2, 4], [4, 6, 5, 3], [3, 0, 5, 3], [4, -5, 5, 3], [5, -7, 5, 3.0]]
 ).ravel()
-_CURLED_DEG = np.array([[38, 8, 42, 48], *[[78, 0, 98, 58]] * 4], float).ravel()
+_CURLED_DEG = np.array([[36, 27, 36, 41], *[[78, 0, 98, 58]] * 4], float).ravel()
 _CURLED_DEG[[5, 9, 13, 17]] = (-1.0, 0.0, 0.5, 1.0)
+#: The curled thumb lies over what is bent: its angles by whether index and middle are curled.
+_THUMB_DEG = {
+    (False, False): (36.0, 27.0, 36.0, 41.0),
+    (True, False): (41.0, 12.0, 42.0, 42.0),
+    (False, True): (24.0, 26.0, 31.0, 40.0),
+    (True, True): (18.0, 36.0, 26.0, 39.0),
+}
 
 _READERS = {".json": read_leap, ".bvh": read_manipnet}
 #: A recording that jumps farther than this between samples is bridged.
@@ -85,8 +92,9 @@ def _other_pattern(rng: np.random.Generator, bits: list[bool]) -> list[bool]:
 def _state(rng: np.random.Generator, extended: list[bool]) -> Array:
     """The angles of a pattern, as people differ in how far they bend."""
     curl = np.repeat([0.0 if e else rng.uniform(0.82, 1.05) for e in extended], 4)
-    degrees = OPEN_DEG * (1 - curl) + _CURLED_DEG * curl + rng.normal(0, 2.0, 20)
-    return np.radians(degrees)
+    curled = _CURLED_DEG.copy()
+    curled[:4] = _THUMB_DEG[not extended[1], not extended[2]]
+    return np.radians(OPEN_DEG * (1 - curl) + curled * curl + rng.normal(0, 2.0, 20))
 
 
 def replay(rng: np.random.Generator, clock: Array, length: float, source: str) -> Array:
