@@ -149,19 +149,19 @@ def fit_affine(p: Array, x: Array, w: Array) -> tuple[Array, Array, float] | Non
 def tilts_of(B: ArrayLike) -> tuple[Array, Array]:
     """Both rotations ``(..., 2, 3, 3)`` and the depth ``t3`` ``(...)`` of maps ``(..., 2, 2)``."""
     B = np.asarray(B, float)
-    g11, g22 = np.sum(B[..., 0] ** 2, -1), np.sum(B[..., 1] ** 2, -1)
-    g12 = np.sum(B[..., 0] * B[..., 1], -1)
+    b11, b12, b21, b22 = B[..., 0, 0], B[..., 0, 1], B[..., 1, 0], B[..., 1, 1]
+    g11, g12, g22 = b11 * b11 + b21 * b21, b11 * b12 + b21 * b22, b12 * b12 + b22 * b22
     tau, delta = (g11 + g22) / 2, (g11 - g22) / 2
     rho = np.hypot(delta, g12)
     t3 = 1 / np.sqrt(tau + rho)
     # the larger of R31^2, R32^2 is a sum; the other follows from g12 without cancellation
     large = np.sqrt(rho + np.abs(delta))
     small = np.divide(-g12, large, out=np.zeros_like(large), where=large > 0)
-    u = np.where((delta < 0)[..., None], np.stack([large, small], -1), np.stack([small, large], -1))
-    u = np.stack([u, -u], axis=-2) * t3[..., None, None]  # (..., 2, 2): tilt, column
-    R = np.empty((*u.shape[:-1], 3, 3))
+    R = np.empty((*B.shape[:-2], 2, 3, 3))
     R[..., :2, :2] = (B * t3[..., None, None])[..., None, :, :]
-    R[..., 2, :2] = u
+    R[..., 0, 2, 0] = np.where(delta < 0, large, small) * t3
+    R[..., 0, 2, 1] = np.where(delta < 0, small, large) * t3
+    R[..., 1, 2, :2] = -R[..., 0, 2, :2]
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):  # the third column is across the two
         R[..., i, 2] = R[..., j, 0] * R[..., k, 1] - R[..., k, 0] * R[..., j, 1]
     return R, t3
