@@ -176,7 +176,7 @@ def confidence(log_odds: Float, visible: Mask, mask: Mask, outline: Outline) -> 
 def crop(frame_rgb: Pixels, window: Window) -> Pixels:
     """The window's picture ``(h, w, 3)``: halved by averaging to about its scale, then warped."""
     H, W = frame_rgb.shape[:2]
-    halvings = max(0, round(np.log2(1 / window.scale)))
+    halvings = max(0, int(np.log2(1 / window.scale) + 0.1))
     k = 2**halvings
     margin = 2 * k
     left = int(np.clip(np.floor(window.x_px) - margin, 0, W - 1))
