@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 #: How far along the proximal bone the web between two fingers reaches (index-middle, ...).
 WEB_SHARE = np.array([0.52, 0.58, 0.57])
 #: The neck of the outline in the palm frame, mm: a little up the forearm.
-NECK_MM = np.array([0.0, -6.0, 0.0])
+NECK_MM = np.array([0.0, -7.0, 0.0])
 #: Spacing of outline samples, and sigmas, in palm radii.
 SPACING_R = 0.09
 SIGMA_OUTLINE_R = 0.02

@@ -40,6 +40,10 @@ USUAL_REACH_R = np.array([1.35, 1.75, 1.95, 1.8, 1.35])
 
 #: Reach over the usual, and angle between neighbours, beyond which it is no open hand.
 REACH_RANGE = (0.4, 1.6)
+#: The wrist: levels below the palm, how far ahead they are compared, and its greatest width.
+LEVEL_STEP_R = 0.05
+NECK_LEVELS = 10
+MAX_NECK_WIDTH_R = 1.6
 MAX_SPREAD_DEG = (120.0, 80.0, 80.0, 80.0)
 
 
@@ -240,7 +244,7 @@ def _with_wrist(landmarks: Landmarks) -> Landmarks:
     n = len(contour)
     thumb_side = np.arange(landmarks.tip_index[0])
     little_side = np.arange(landmarks.tip_index[4], n)
-    levels = np.arange(0.8, 1.9, 0.05)
+    levels = np.arange(0.8, 2.6, LEVEL_STEP_R)
     width, middle = np.full(len(levels), np.nan), np.zeros(len(levels))
     for k, level in enumerate(levels):
         a = thumb_side[depth[thumb_side] >= level]
@@ -251,21 +255,26 @@ def _with_wrist(landmarks: Landmarks) -> Landmarks:
             width[k], middle[k] = abs(edges[0] - edges[1]), sum(edges) / 2
     if np.isnan(width).all() or np.isnan(width[0]):
         return landmarks
-    k = _neck(width)
-    seen = bool(0 < k < np.sum(~np.isnan(width)) - 1)
-    level = levels[k] if seen else 1.25
-    k = k if seen else int(np.nanargmin(np.abs(levels - level) + 9 * np.isnan(width)))
+    neck = _neck(width / r)
+    usual = int(np.nanargmin(np.abs(levels - 1.25) + 9 * np.isnan(width)))
+    k = usual if neck is None else neck
     return replace(
         landmarks,
-        wrist_px=landmarks.centre_px - level * r * up + middle[k] * across,
+        wrist_px=landmarks.centre_px - levels[k] * r * up + middle[k] * across,
         wrist_width_px=float(width[k]),
-        wrist_seen=seen,
+        wrist_seen=neck is not None,
     )
 
 
-def _neck(width: Array) -> int:
-    """The first level below the palm where the outline is within 3 % of its narrowest."""
-    return int(np.flatnonzero(width <= 1.03 * np.nanmin(width))[0])
+def _neck(width_r: Array) -> int | None:
+    """The first level below the palm from which the outline hardly narrows any more."""
+    for k in range(1, len(width_r) - NECK_LEVELS // 2):
+        ahead = width_r[k : k + NECK_LEVELS]
+        if np.isnan(ahead[: NECK_LEVELS // 2]).any():
+            return None  # cut off before the neck
+        if width_r[k] < MAX_NECK_WIDTH_R and width_r[k] <= 1.03 * np.nanmin(ahead):
+            return k
+    return None
 
 
 def _with_labels(landmarks: Landmarks) -> Landmarks:
