@@ -27,15 +27,12 @@ from handtrack.estimate import Estimate
 from handtrack.evidence.evidence import see
 from handtrack.evidence.silhouette import Segmenter
 from handtrack.evidence.video import read_frames
-from handtrack.fingers.baselines import Condensation, RandomSearch
-from handtrack.fingers.densities import Gaussians
-from handtrack.fingers.dynamics import Dynamics
-from handtrack.fingers.filter import Filter, FilterSettings, ParticleFilter
 from handtrack.fingers.likelihood import FingerLikelihood, LikelihoodSettings
 from handtrack.hand.kinematics import keypoints_mm
 from handtrack.hand.shape import HandShape
 from handtrack.hand.space import ConfigurationSpace
 from handtrack.hand.surface import Surface
+from handtrack.paper import make_filter
 from handtrack.records import Pose
 from handtrack.refine.view import View
 from handtrack.refined import RefinedMethod, RefinedSettings
@@ -44,8 +41,6 @@ from handtrack.window import window_for
 Array = NDArray[np.float64]
 
 SCHEMES = ("random", "condensation", "paper")
-#: What the paper gives each.
-PUBLISHED = {"random": 5000, "condensation": 3000, "paper": 100}
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,17 +93,6 @@ def moments(folder: Path, frames: int) -> tuple[list[Moment], HandShape]:
     return ready, shape
 
 
-def make_scheme(name: str, samples: int, space: ConfigurationSpace) -> Filter:
-    """One of `SCHEMES` with so many samples; the walks of all are the prior's own."""
-    dynamics = Dynamics.about(space)
-    if name == "paper":
-        return ParticleFilter(dynamics, FilterSettings(particles=samples))
-    if name == "condensation":
-        return Condensation(dynamics.M0(), dynamics.sigma, samples)
-    spread = 1.5 * np.sqrt(space.variance)
-    return RandomSearch(Gaussians(np.ones(1), np.zeros((1, len(spread))), spread), samples)
-
-
 def run_scheme(
     name: str,
     samples: int,
@@ -121,7 +105,7 @@ def run_scheme(
 ) -> Outcome:
     """Run a scheme over a clip; random search answers its best sample, the others their mean."""
     rng = np.random.default_rng(seed)
-    scheme = make_scheme(name, samples, space)
+    scheme = make_filter(name, samples, space)
     found = []
     begin = time.process_time()
     for moment in clip:

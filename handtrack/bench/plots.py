@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from handtrack.bench.comparison import PUBLISHED, SCHEMES, Outcome
+from handtrack.bench.comparison import SCHEMES, Outcome
 from handtrack.bench.speed import Timing
 from handtrack.errors import OutputError
+from handtrack.paper import PUBLISHED
 
 _COLOUR = {"random": "#999999", "condensation": "#0072b2", "paper": "#d55e00", "refined": "#009e73"}
 _LABEL = {

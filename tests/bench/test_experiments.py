@@ -10,7 +10,6 @@ from handtrack.bench.comparison import (
     SCHEMES,
     Moment,
     compare,
-    make_scheme,
     moments,
     run_scheme,
 )
@@ -24,6 +23,7 @@ from handtrack.hand.kinematics import keypoints_mm
 from handtrack.hand.shape import HandShape
 from handtrack.hand.space import default
 from handtrack.hand.surface import Cardboard
+from handtrack.paper import make_filter
 from synth.cache import ClipCache
 
 
@@ -79,7 +79,7 @@ def test_a_likelihood_that_knows_leads_every_scheme_there(clip, monkeypatch):
 
 
 def test_unlike_schemes_are_made():
-    assert len({type(make_scheme(name, 10, default())) for name in SCHEMES}) == 3
+    assert len({type(make_filter(name, 10, default())) for name in SCHEMES}) == 3
 
 
 def test_variants_change_one_thing():
