@@ -1,12 +1,11 @@
 """The outline of a silhouette, between pixels, at the picture's own edge.
 
 A smoothed log-odds map ``L`` gives the mask ``L > 0``; its boundary pixels, chained, give a normal
-``n`` at each. Each point goes, along its normal, to the zero of ``L``. Colours mix across an
-outline, so that zero is off by some tenths of a pixel when one side is surer than the other; where
-the *picture* changes fastest is not, but a round finger darkens towards its rim and may change
-faster well inside. So the point goes half of the way from the zero to a maximum of the gradient
-that is within ``SNAP_PX``, and notes whether there is one within ``SUPPORT_PX``. The offsets are
-then smoothed along the chain by a median.
+``n`` at each. Each point goes, along its normal, to the zero of ``L`` and from there towards a
+maximum of the gradient within ``SUPPORT_PX``. Both err inwards: colours mix across an outline, and
+mixtures that were never seen count as background; a round finger darkens towards its rim and may
+change fastest well inside. So the point goes most of the way to a maximum that lies outside of the
+zero, and little of the way to one inside. The offsets are smoothed along the chain by a median.
 
 >>> mask = np.zeros((60, 60), np.float32)
 >>> yy, xx = np.mgrid[:60, :60]
@@ -29,9 +28,10 @@ from numpy.typing import NDArray
 Float = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
-#: Farthest from the zero of the log odds that a gradient maximum moves it, and confirms it.
-SNAP_PX = 0.7
+#: Farthest from the zero of the log odds that a gradient maximum confirms it and moves it.
 SUPPORT_PX = 1.5
+#: Share of the way that it moves it.
+OUTWARDS, INWARDS = 0.8, 0.2
 #: Outlines of parts and holes shorter than this are specks.
 MIN_LENGTH_PX = 16
 MAX_HOLE_PX = 12
@@ -210,7 +210,7 @@ def settle(pixel, nx, ny, log_odds, gradient):  # type: ignore[no-untyped-def]
     curve = a - 2 * b + c
     shift = 0.25 * (a - c) / curve if curve < -1e-6 else 0.0
     t += min(max(shift, -0.5), 0.5)
-    return (0.5 * (zero + t) if abs(t - zero) <= SNAP_PX else zero), True
+    return zero + (OUTWARDS if t > zero else INWARDS) * (t - zero), True
 
 
 @numba.njit(cache=True, fastmath=True)
