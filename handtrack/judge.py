@@ -15,8 +15,14 @@ from handtrack.refine.view import View
 class JudgeSettings:
     """When a hand counts as seen, and when as lost."""
 
-    tracked_overlap: float = 0.78
+    tracked_overlap: float = 0.84
     """Overlap of the silhouettes, without the forearm, from which a frame is tracked."""
+    doubted_overlap: float = 0.91
+    """Below this the hand is looked for anew now and then, in case it is otherwise."""
+    doubt_every: int = 6
+    """Frames between two such looks."""
+    better_by: float = 0.02
+    """Overlap by which what is found anew must beat what was followed."""
     lost_overlap: float = 0.35
     """Below this the hand is not where the model is."""
     patience: int = 15

@@ -33,14 +33,16 @@ MAX_DEPTH_RATIO = 1.5
 class SeedSettings:
     """How many seeds, and how many of them survive each round."""
 
-    seeds: int = 3000
+    seeds: int = 2500
     """Seeds that are scored by overlap."""
-    kept: int = 10
+    kept: int = 8
     """Seeds that are refined a little."""
     finalists: int = 3
     """Of those, how many are swept and refined to the end."""
     tilt_std_deg: float = 18.0
     """Spread of the palm's tilt."""
+    facing_margin: float = 0.03
+    """Overlap by which the unusual side of the hand must beat the usual one."""
     depth_std: float = 0.12
     """Spread of the depth, relative."""
 
@@ -52,10 +54,13 @@ def find_hand(
     rng: np.random.Generator,
     settings: SeedSettings | None = None,
     known: Estimate | None = None,
+    usual: str = "palm",
 ) -> tuple[Estimate, float] | None:
     """The best estimate in a silhouette, and its overlap; None where there is no silhouette.
 
-    ``known`` (an earlier estimate) joins the configurations, and the depth stays near its own.
+    ``known`` (an earlier estimate) joins the configurations, and the depth stays near its own. A
+    fist's silhouette is nearly the same from both sides: the hand faces the ``usual`` way unless
+    the other overlaps better by ``SeedSettings.facing_margin``.
     """
     settings = settings or SeedSettings()
     discs = largest_discs(view)
@@ -71,11 +76,18 @@ def find_hand(
     ]
     found = [method.settle(view, start) for start in starts]
     agreement = overlaps(view, method, found, bits)
-    order = np.argsort(-agreement)[: settings.finalists]
+    unusual = np.array([facing_of(e) != usual for e in found])
+    order = np.argsort(-(agreement - settings.facing_margin * unusual))[: settings.finalists]
     finalists = [method.search(view, found[k], rng) for k in order]
     agreement = overlaps(view, method, finalists, bits)
-    best = int(np.argmax(agreement))
+    unusual = np.array([facing_of(e) != usual for e in finalists])
+    best = int(np.argmax(agreement - settings.facing_margin * unusual))
     return finalists[best], float(agreement[best])
+
+
+def facing_of(estimate: Estimate) -> str:
+    """ "palm" where the palm's normal points to the camera, else "back"."""
+    return "palm" if estimate.pose.R[2, 2] < 0 else "back"
 
 
 def overlaps(
@@ -126,7 +138,7 @@ def draw_seeds(
         known_z = known.pose.t_mm[2]
         z[::2] = known_z * np.exp(rng.normal(0, 0.5 * settings.depth_std, len(z[::2])))
         z = np.clip(z, known_z / MAX_DEPTH_RATIO, known_z * MAX_DEPTH_RATIO)
-    spin = rotation.about_z(rng.uniform(-np.pi, np.pi, n))
+    spin = rotation.about_z(draw_directions(view, n, rng, known))
     tilt = rotation.exp(
         np.column_stack([rng.normal(0, np.radians(settings.tilt_std_deg), (n, 2)), np.zeros(n)])
     )
@@ -139,6 +151,34 @@ def draw_seeds(
     if known is not None:
         theta[: n // 8] = known.theta
     return theta, R, t
+
+
+def draw_directions(view: View, n: int, rng: np.random.Generator, known: Estimate | None) -> Array:
+    """Angles ``(n,)`` in the image by which the fingers' direction is turned from straight up.
+
+    Arms do not turn over: about a known direction, or else away from where the silhouette leaves
+    the frame, the angles are within 100 deg; with neither, anywhere.
+    """
+    if known is not None:
+        x, y = known.pose.R[0, 1], known.pose.R[1, 1]
+    else:
+        x, y = from_the_border(view)
+    if x == 0 and y == 0:
+        return rng.uniform(-np.pi, np.pi, n)
+    return np.asarray(np.arctan2(x, -y) + rng.uniform(-1, 1, n) * np.radians(100))
+
+
+def from_the_border(view: View) -> tuple[float, float]:
+    """Direction from where the silhouette crosses the frame's border to its middle, or 0, 0."""
+    x0, y0, x1, y1 = view.valid.astype(int)
+    inside = view.sdf[y0:y1, x0:x1] < 0
+    rim = np.zeros_like(inside)
+    rim[[0, -1], :] = rim[:, [0, -1]] = True
+    crossing = np.argwhere(inside & rim)
+    if len(crossing) < 4:
+        return 0.0, 0.0
+    way = np.argwhere(inside).mean(axis=0) - crossing.mean(axis=0)
+    return float(way[1]), float(way[0])
 
 
 def draw_configurations(space: ConfigurationSpace, n: int, rng: np.random.Generator) -> Array:

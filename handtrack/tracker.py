@@ -35,7 +35,7 @@ from handtrack.records import Frame, FrameResult, Pose, Status
 from handtrack.refine.view import View
 from handtrack.refined import RefinedMethod, RefinedSettings
 from handtrack.report import result_of
-from handtrack.seeds import find_hand
+from handtrack.seeds import facing_of, find_hand
 from handtrack.start import (
     Calibrate,
     Start,
@@ -93,6 +93,7 @@ class Track:
         self.turn = np.zeros(3)  # rotation vector per frame
         self.shift_mm = np.zeros(3)
         self.misses = 0
+        self.doubts = 0
         self.lost = False
         self.fresh = True
 
@@ -221,7 +222,7 @@ class Tracker:
         with self._timed("judge"):
             line_mm = self.settings.judge.wrist_line_mm
             agreement = overlap(track.searcher.hand, estimate, view, line_mm)
-            if agreement < self.settings.judge.tracked_overlap:
+            if agreement < self.settings.judge.doubted_overlap:
                 estimate, agreement = self._look_again(view, track, estimate, agreement)
             status = status_of(agreement, track.misses, self.settings.judge)
         track.accept(estimate, status)
@@ -254,12 +255,17 @@ class Tracker:
     def _look_again(
         self, view: View, track: Track, estimate: Estimate, agreement: float
     ) -> tuple[Estimate, float]:
-        """A search with no idea of the pose, now and then, where following has failed."""
-        if track.misses % 4 != 1:
+        """A search with no idea of the pose, now and then, where following may have failed."""
+        track.doubts += 1
+        if track.doubts % self.settings.judge.doubt_every != 1:
             return estimate, agreement
-        found = find_hand(view, track.searcher, ("palm", "back"), self.rng, known=track.estimate)
-        if found is None or found[1] < agreement + 0.03:
+        found = find_hand(
+            view, track.searcher, ("palm", "back"), self.rng,
+            known=track.estimate, usual=facing_of(track.estimate),
+        )  # fmt: skip
+        if found is None or found[1] < agreement + self.settings.judge.better_by:
             return estimate, agreement
+        track.fresh = True
         track.method.restart(found[0])
         return found
 
@@ -274,8 +280,9 @@ class Tracker:
         for candidate in anything[:2]:
             evidence = see(image, window_around(candidate.mask), camera, track.segmenter)
             found = find_hand(
-                View.of(evidence), track.searcher, ("palm", "back"), self.rng, known=track.estimate
-            )
+                View.of(evidence), track.searcher, ("palm", "back"), self.rng,
+                known=track.estimate, usual=self.settings.facing,
+            )  # fmt: skip
             if found is not None and found[1] > self.settings.judge.tracked_overlap:
                 track.estimate, track.fresh, track.misses = found[0], True, 0
                 track.method.restart(found[0])
