@@ -23,6 +23,10 @@ class JudgeSettings:
     """Frames between two such looks."""
     better_by: float = 0.02
     """Overlap by which what is found anew must beat what was followed."""
+    cheaper_by: float = 8.0
+    """Energy by which it must, where the overlaps are alike."""
+    turned_every: int = 20
+    """Frames between two looks while the hand shows its unusual side."""
     lost_overlap: float = 0.35
     """Below this the hand is not where the model is."""
     patience: int = 15

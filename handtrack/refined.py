@@ -99,6 +99,11 @@ class RefinedMethod:
         palm = self.refiner(view, seed.pose, seed.theta, prior, 5, free="palm")
         return self.estimate(self.refiner(view, palm.pose, palm.theta, prior, 8), np.nan)
 
+    def energy(self, view: View, estimate: Estimate) -> float:
+        """Energy of an estimate as :meth:`search` would give it, with no pull from elsewhere."""
+        prior = self.prior(estimate, loose=4.0)
+        return self.refiner(view, estimate.pose, estimate.theta, prior, 0).energy
+
     def search(self, view: View, seed: Estimate, rng: np.random.Generator) -> Estimate:
         """Sweep and refine from a seed, with a loose prior about it."""
         return self._search(view, seed.pose, seed.theta, self.prior(seed, loose=4.0), rng)

@@ -37,12 +37,14 @@ class SeedSettings:
     """Seeds that are scored by overlap."""
     kept: int = 8
     """Seeds that are refined a little."""
-    finalists: int = 3
+    finalists: int = 4
     """Of those, how many are swept and refined to the end."""
     tilt_std_deg: float = 18.0
     """Spread of the palm's tilt."""
-    facing_margin: float = 0.03
-    """Overlap by which the unusual side of the hand must beat the usual one."""
+    overlap_margin: float = 0.04
+    """Of finalists whose overlaps differ by less, the lowest energy wins: edges inside a fist."""
+    facing_cost: float = 8.0
+    """Energy by which the unusual side of the hand must beat the usual one."""
     depth_std: float = 0.12
     """Spread of the depth, relative."""
 
@@ -60,7 +62,7 @@ def find_hand(
 
     ``known`` (an earlier estimate) joins the configurations, and the depth stays near its own. A
     fist's silhouette is nearly the same from both sides: the hand faces the ``usual`` way unless
-    the other overlaps better by ``SeedSettings.facing_margin``.
+    the edges inside it say otherwise by ``SeedSettings.facing_cost``.
     """
     settings = settings or SeedSettings()
     discs = largest_discs(view)
@@ -76,13 +78,24 @@ def find_hand(
     ]
     found = [method.settle(view, start) for start in starts]
     agreement = overlaps(view, method, found, bits)
-    unusual = np.array([facing_of(e) != usual for e in found])
-    order = np.argsort(-(agreement - settings.facing_margin * unusual))[: settings.finalists]
+    order = finalists_of(agreement, found, settings.finalists)
     finalists = [method.search(view, found[k], rng) for k in order]
     agreement = overlaps(view, method, finalists, bits)
-    unusual = np.array([facing_of(e) != usual for e in finalists])
-    best = int(np.argmax(agreement - settings.facing_margin * unusual))
+    near = agreement > agreement.max() - settings.overlap_margin
+    cost = [e.energy + settings.facing_cost * (facing_of(e) != usual) for e in finalists]
+    best = int(np.argmin(np.where(near, cost, np.inf)))
     return finalists[best], float(agreement[best])
+
+
+def finalists_of(agreement: Array, found: list[Estimate], most: int) -> list[int]:
+    """Indices of the best overlaps, at least one of them of each side of the hand."""
+    order = [int(k) for k in np.argsort(-agreement)]
+    chosen = order[:most]
+    for side in ("palm", "back"):
+        this_side = [k for k in order if facing_of(found[k]) == side]
+        if this_side and not set(this_side) & set(chosen):
+            chosen[-1] = this_side[0]
+    return chosen
 
 
 def facing_of(estimate: Estimate) -> str:

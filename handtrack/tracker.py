@@ -222,7 +222,7 @@ class Tracker:
         with self._timed("judge"):
             line_mm = self.settings.judge.wrist_line_mm
             agreement = overlap(track.searcher.hand, estimate, view, line_mm)
-            if agreement < self.settings.judge.doubted_overlap:
+            if self._doubts(track, agreement):
                 estimate, agreement = self._look_again(view, track, estimate, agreement)
             status = status_of(agreement, track.misses, self.settings.judge)
         track.accept(estimate, status)
@@ -255,19 +255,32 @@ class Tracker:
     def _look_again(
         self, view: View, track: Track, estimate: Estimate, agreement: float
     ) -> tuple[Estimate, float]:
-        """A search with no idea of the pose, now and then, where following may have failed."""
-        track.doubts += 1
-        if track.doubts % self.settings.judge.doubt_every != 1:
-            return estimate, agreement
+        """A search with no idea of the pose; what it finds must beat what was followed."""
+        judge, searcher = self.settings.judge, track.searcher
         found = find_hand(
-            view, track.searcher, ("palm", "back"), self.rng,
-            known=track.estimate, usual=facing_of(track.estimate),
+            view, searcher, ("palm", "back"), self.rng,
+            known=track.estimate, usual=self.settings.facing,
         )  # fmt: skip
-        if found is None or found[1] < agreement + self.settings.judge.better_by:
+        if found is None:
+            return estimate, agreement
+        better = found[1] > agreement + judge.better_by
+        as_good = found[1] > agreement - judge.better_by
+        cheaper = found[0].energy < searcher.energy(view, estimate) - judge.cheaper_by
+        if not better and not (as_good and cheaper):
             return estimate, agreement
         track.fresh = True
         track.method.restart(found[0])
         return found
+
+    def _doubts(self, track: Track, agreement: float) -> bool:
+        """Whether to look anew: the fit is poor, or the hand shows its unusual side."""
+        judge = self.settings.judge
+        turned = facing_of(track.estimate) != self.settings.facing
+        if agreement >= judge.doubted_overlap and not turned:
+            return False
+        track.doubts += 1
+        every = judge.doubt_every if agreement < judge.doubted_overlap else judge.turned_every
+        return track.doubts % every == 1
 
     def _recover(self, image: Image, track: Track) -> None:
         """Look for a lost hand in the whole frame."""
