@@ -18,13 +18,13 @@ capsule do not vote (the paper's occlusion map, Section 4.2).
 import numba
 import numpy as np
 
-from handtrack.hand.capsules import capsule_distance
 from handtrack.hand.kinematics import jacobian_kernel, keypoints_kernel
 
 #: Samples along a bone, and the directions (cosine, sine to the bone) of those on its tip.
 SIDE_T = np.array([0.2, 0.5, 0.8])
 TIP_DIRECTIONS = np.array([[0.0, 1.0], [0.7071, 0.7071], [1.0, 0.0], [0.7071, -0.7071], [0.0, -1]])
-N_POSE = 6
+#: An outline farther away than this explains nothing.
+FARTHEST_PX = 40.0
 
 
 @numba.njit(cache=True, nogil=True)
@@ -118,49 +118,69 @@ def add_row(H, g, row, digit, r, weight):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def bounding_circles(circles, capsules, bounds):  # type: ignore[no-untyped-def]
-    """Fill ``bounds`` ``(C, 3)``: a circle round each capsule, so that most need no look."""
+def frame_capsules(circles, capsules, frames):  # type: ignore[no-untyped-def]
+    """Fill ``frames`` ``(C, 12)``: what the distance to a capsule needs, once for all points.
+
+    Bounding circle x, y, radius; first centre x, y, radius; unit axis x, y; length; tilt of the
+    tangent; growth of the radius; ``t`` of the first centre (1 where the second disc holds all).
+    """
     for c in range(len(capsules)):
-        a, b = capsules[c, 0], capsules[c, 1]
-        ex, ey = circles[b, 0] - circles[a, 0], circles[b, 1] - circles[a, 1]
-        bounds[c, 0] = circles[a, 0] + 0.5 * ex
-        bounds[c, 1] = circles[a, 1] + 0.5 * ey
-        bounds[c, 2] = 0.5 * np.sqrt(ex * ex + ey * ey) + max(circles[a, 2], circles[b, 2])
+        a, b = circles[capsules[c, 0]], circles[capsules[c, 1]]
+        f = frames[c]
+        ex, ey, growth = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        length = np.sqrt(ex * ex + ey * ey)
+        f[0], f[1] = a[0] + 0.5 * ex, a[1] + 0.5 * ey
+        f[2] = 0.5 * length + max(a[2], b[2])
+        if length <= abs(growth) + 1e-9:  # one disc holds the other
+            first = a if growth <= 0 else b
+            f[3], f[4], f[5] = first[0], first[1], first[2]
+            f[6:11] = 0.0
+            f[8] = 1.0
+            f[11] = 0.0 if growth <= 0 else 1.0
+        else:
+            f[3], f[4], f[5] = a[0], a[1], a[2]
+            f[6], f[7], f[8] = ex / length, ey / length, length
+            sine = -growth / length
+            f[9] = sine / np.sqrt(1.0 - sine * sine)
+            f[10], f[11] = growth, 0.0
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True, inline="always")
+def framed_distance(x, y, f):  # type: ignore[no-untyped-def]
+    """Signed distance, ``t*`` and the vector from the nearest disc's centre to the point."""
+    qx, qy = x - f[3], y - f[4]
+    foot = qx * f[6] + qy * f[7]
+    across = abs(qx * f[7] - qy * f[6])
+    t = min(max((foot - across * f[9]) / f[8], 0.0), 1.0)
+    mx, my = qx - t * f[8] * f[6], qy - t * f[8] * f[7]
+    return np.sqrt(mx * mx + my * my) - (f[5] + t * f[10]), t + f[11], mx, my
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
-def nearest_outline(p, facing, among, skip_digit, circles, capsules, digit, bounds):  # type: ignore[no-untyped-def]
+def nearest_outline(p, facing, among, skip_digit, digit, frames, within):  # type: ignore[no-untyped-def]
     """Nearest capsule outline to an image point ``p`` ``(5,)`` (x, y, normal, weight).
 
     ``facing``: the capsule nearest from outside whose outline faces as the point's normal; else the
     finger outline nearest from either side, whose outside is the edge's dark side. Signed distance,
-    index (-1: none) and ``t*``; only the capsules ``among``, without ``skip_digit``.
+    index (-1: none nearer than ``within`` px) and ``t*``; only the capsules ``among``, without
+    ``skip_digit``.
     """
     x, y, nx, ny = p[0], p[1], p[2], p[3]
-    best, signed, which, t_best = 1e3, 1e3, -1, 0.0
+    best, signed, which, t_best = within, within, -1, 0.0
     for c in among:
         if digit[c] == skip_digit or (not facing and digit[c] < 0):
             continue
-        dx, dy = x - bounds[c, 0], y - bounds[c, 1]
-        reach = best + bounds[c, 2]
+        f = frames[c]
+        dx, dy = x - f[0], y - f[1]
+        reach = best + f[2]
         if reach < 0 or dx * dx + dy * dy > reach * reach:
             continue
-        a, b = capsules[c, 0], capsules[c, 1]
-        d, t = capsule_distance(
-            x, y,
-            circles[a, 0], circles[a, 1], circles[a, 2],
-            circles[b, 0], circles[b, 1], circles[b, 2],
-        )  # fmt: skip
+        d, t, mx, my = framed_distance(x, y, f)
         far = d if facing else abs(d)
         if far < best:
-            mx = x - circles[a, 0] - t * (circles[b, 0] - circles[a, 0])
-            my = y - circles[a, 1] - t * (circles[b, 1] - circles[a, 1])
             along = mx * nx + my * ny
-            if facing:
-                fits = along > 0 and along * along > 0.09 * (mx * mx + my * my)
-            else:
-                fits = along > 0 and along * along > 0.36 * (mx * mx + my * my)
-            if fits:
+            limit = 0.09 if facing else 0.36
+            if along > 0 and along * along > limit * (mx * mx + my * my):
                 best, signed, which, t_best = far, d, c, t
     return signed, which, t_best
 
@@ -216,7 +236,7 @@ def sample_of(c, s, circles, capsules, bone):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
-def visibility(x, y, z, c, circles, capsules, digit, bone, bounds):  # type: ignore[no-untyped-def]
+def visibility(x, y, z, c, circles, capsules, digit, bone, frames):  # type: ignore[no-untyped-def]
     """0: hidden by a nearer capsule; 1: on the hand's outline; 2: in front of the hand.
 
     ``z`` is the depth of the sample's axis point. Where skin goes on from bone to bone, or from
@@ -226,20 +246,17 @@ def visibility(x, y, z, c, circles, capsules, digit, bone, bounds):  # type: ign
     for e in range(len(capsules)):
         if e == c:
             continue
-        dx, dy = x - bounds[e, 0], y - bounds[e, 1]
-        if dx * dx + dy * dy > bounds[e, 2] * bounds[e, 2]:
+        f = frames[e]
+        dx, dy = x - f[0], y - f[1]
+        if dx * dx + dy * dy > f[2] * f[2]:
             continue
-        near = digit[e] == digit[c] and (digit[c] < 0 or abs(bone[e] - bone[c]) <= 1)
-        a, b = capsules[e, 0], capsules[e, 1]
-        d, t = capsule_distance(
-            x, y,
-            circles[a, 0], circles[a, 1], circles[a, 2],
-            circles[b, 0], circles[b, 1], circles[b, 2],
-        )  # fmt: skip
+        d, t, _, _ = framed_distance(x, y, f)
         if d > -1.0:
             continue
+        near = digit[e] == digit[c] and (digit[c] < 0 or abs(bone[e] - bone[c]) <= 1)
         if near:
             return 0
+        a, b = capsules[e, 0], capsules[e, 1]
         behind = circles[a, 3] + t * (circles[b, 3] - circles[a, 3]) - z
         if behind < margin:
             return 0
@@ -248,7 +265,7 @@ def visibility(x, y, z, c, circles, capsules, digit, bone, bounds):  # type: ign
 
 
 @numba.njit(cache=True, nogil=True)
-def sample_energy(c, circles, capsules, digit, bone, bounds, view, weights, Jc, H, g):  # type: ignore[no-untyped-def]
+def sample_energy(c, circles, capsules, digit, bone, frames, view, weights, Jc, H, g):  # type: ignore[no-untyped-def]
     """Energy of capsule ``c``'s outline samples; adds to ``H``, ``g`` unless they are empty."""
     sdf, strength, edge_x, edge_y, valid = view
     c2, silhouette, internal, reach = weights[1], weights[2], weights[3], int(weights[4])
@@ -265,7 +282,7 @@ def sample_energy(c, circles, capsules, digit, bone, bounds, view, weights, Jc, 
         if x < valid[0] + 1 or y < valid[1] + 1 or x > valid[2] - 2 or y > valid[3] - 2:
             continue
         z = circles[a, 3] + t * (circles[b, 3] - circles[a, 3])
-        seen = visibility(x, y, z, c, circles, capsules, digit, bone, bounds)
+        seen = visibility(x, y, z, c, circles, capsules, digit, bone, frames)
         if seen == 0:
             continue
         gx, gy = nx, ny
@@ -319,8 +336,8 @@ def image_energy(  # type: ignore[no-untyped-def]
     c2 = weights[1]
     energy = 0.0
     row = np.zeros(10)
-    bounds = np.empty((len(capsules), 3))
-    bounding_circles(circles, capsules, bounds)
+    frames = np.empty((len(capsules), 12))
+    frame_capsules(circles, capsules, frames)
     every = np.arange(len(capsules))
     for k in range(len(contour) + len(inner)):
         on_outline = k < len(contour)
@@ -328,9 +345,7 @@ def image_energy(  # type: ignore[no-untyped-def]
         w = point[4]
         if w <= 0:
             continue
-        d, c, t = nearest_outline(
-            point, on_outline, every, -9, circles, capsules, digit, bounds
-        )  # fmt: skip
+        d, c, t = nearest_outline(point, on_outline, every, -9, digit, frames, FARTHEST_PX)
         if c < 0:
             energy += w * c2
             continue
@@ -342,7 +357,7 @@ def image_energy(  # type: ignore[no-untyped-def]
     for c in range(len(capsules)):
         if bone[c] > -2:
             energy += sample_energy(
-                c, circles, capsules, digit, bone, bounds, view, weights, Jc, H, g
+                c, circles, capsules, digit, bone, frames, view, weights, Jc, H, g
             )
     scale = 1.0 / (weights[0] * weights[0])
     if len(g):

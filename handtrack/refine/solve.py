@@ -182,47 +182,79 @@ def so3_log(R):  # type: ignore[no-untyped-def]
     return v if s < 1e-9 else v * (angle / s)
 
 
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def line_energy(d, theta, line, P, H, g):  # type: ignore[no-untyped-def]
+    """Squared distance of digit ``d`` to its line in the metric ``P``, the foot between the ends.
+
+    Adds to ``H`` and ``g`` unless they are empty; the foot minimises, so the derivative of the
+    energy needs none of its own.
+    """
+    Pu, delta = np.empty(4), np.empty(4)
+    uPu, uPd = 0.0, 0.0
+    for i in range(4):
+        delta[i] = theta[4 * d + i] - line[0, i]
+        Pu[i] = 0.0
+        for j in range(4):
+            Pu[i] += P[i, j] * (line[1, j] - line[0, j])
+    for i in range(4):
+        uPu += (line[1, i] - line[0, i]) * Pu[i]
+        uPd += delta[i] * Pu[i]
+    s = uPd / uPu
+    inside = 0.0 < s < 1.0
+    s = min(max(s, 0.0), 1.0)
+    for i in range(4):
+        delta[i] -= s * (line[1, i] - line[0, i])
+    energy = 0.0
+    for i in range(4):
+        pull = 0.0
+        for j in range(4):
+            pull += P[i, j] * delta[j]
+            if len(g):
+                along = Pu[i] * Pu[j] / uPu if inside else 0.0
+                H[6 + 4 * d + i, 6 + 4 * d + j] += P[i, j] - along
+        energy += delta[i] * pull
+        if len(g):
+            g[6 + 4 * d + i] += pull
+    return energy
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True, inline="always")
+def heavy_tailed(q, r, weight, H, g):  # type: ignore[no-untyped-def]
+    """Robust square of one difference from the prediction, with its derivatives."""
+    z2 = weight * r * r
+    if len(g):
+        weight *= (HEAVY_TAIL / (HEAVY_TAIL + z2)) ** 2
+        g[q] += weight * r
+        H[q, q] += weight
+    return HEAVY_TAIL * z2 / (HEAVY_TAIL + z2)
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def digit_prior(d, theta, prior, limits, limit_std, H, g):  # type: ignore[no-untyped-def]
+    """The prior's terms of one digit: its line, its last angles, its limits."""
+    lines, precision, angle, angle_weight = prior[0], prior[1], prior[2], prior[3]
+    energy = line_energy(d, theta, lines[d], precision[d], H, g)
+    for a in range(4 * d, 4 * d + 4):
+        energy += heavy_tailed(6 + a, theta[a] - angle[a], angle_weight[a], H, g)
+        excess = min(theta[a] - limits[a, 0], 0.0) + max(theta[a] - limits[a, 1], 0.0)
+        energy += (excess / limit_std) ** 2
+        if len(g) and excess != 0.0:
+            g[6 + a] += excess / limit_std**2
+            H[6 + a, 6 + a] += 1.0 / limit_std**2
+    return energy
+
+
 @numba.njit(cache=True, nogil=True)
 def prior_energy(R, t, theta, prior, limits, limit_std, H, g):  # type: ignore[no-untyped-def]
     """Prior, temporal and limit terms; adds to ``H`` and ``g`` unless they are empty."""
-    lines, precision, angle, angle_weight, R0, t0, pose_weight = prior
-    full = len(g) > 0
-    energy = 0.0
-    for d in range(5):
-        P, u = precision[d], lines[d, 1] - lines[d, 0]
-        k = 6 + 4 * d
-        delta = theta[4 * d : 4 * d + 4] - lines[d, 0]
-        Pu = P @ u
-        s = (Pu @ delta) / (Pu @ u)
-        inside = 0.0 < s < 1.0
-        delta = delta - min(max(s, 0.0), 1.0) * u
-        pull = P @ delta
-        energy += delta @ pull
-        if full:
-            g[k : k + 4] += pull
-            H[k : k + 4, k : k + 4] += P
-            if inside:
-                H[k : k + 4, k : k + 4] -= np.outer(Pu, Pu) / (Pu @ u)
+    R0, t0, pose_weight = prior[4], prior[5], prior[6]
     turn = so3_log(R @ R0.T)
-    for q in range(26):
-        if q < 3:
-            r, weight = turn[q], pose_weight[q]
-        elif q < 6:
-            r, weight = t[q - 3] - t0[q - 3], pose_weight[q]
-        else:
-            r, weight = theta[q - 6] - angle[q - 6], angle_weight[q - 6]
-        z2 = weight * r * r
-        energy += HEAVY_TAIL * z2 / (HEAVY_TAIL + z2)
-        if full:
-            weight *= (HEAVY_TAIL / (HEAVY_TAIL + z2)) ** 2
-            g[q] += weight * r
-            H[q, q] += weight
-    for a in range(20):
-        excess = min(theta[a] - limits[a, 0], 0.0) + max(theta[a] - limits[a, 1], 0.0)
-        energy += (excess / limit_std) ** 2
-        if full and excess != 0.0:
-            g[6 + a] += excess / limit_std**2
-            H[6 + a, 6 + a] += 1.0 / limit_std**2
+    energy = 0.0
+    for q in range(3):
+        energy += heavy_tailed(q, turn[q], pose_weight[q], H, g)
+        energy += heavy_tailed(3 + q, t[q] - t0[q], pose_weight[3 + q], H, g)
+    for d in range(5):
+        energy += digit_prior(d, theta, prior, limits, limit_std, H, g)
     return energy
 
 

@@ -15,14 +15,15 @@ from numpy.typing import NDArray
 from handtrack.hand.skeleton import LIMITS
 from handtrack.records import Pose
 from handtrack.refine.residuals import (
-    bounding_circles,
+    FARTHEST_PX,
+    frame_capsules,
     nearest_outline,
     place_digit,
     place_nodes,
     rho,
     sample_energy,
 )
-from handtrack.refine.solve import Prior, Refiner, _maps, _prior, prior_energy
+from handtrack.refine.solve import Prior, Refiner, _maps, _prior, digit_prior
 from handtrack.refine.view import View
 
 Array = NDArray[np.float64]
@@ -139,17 +140,17 @@ def digit_energies(  # type: ignore[no-untyped-def]
     n_nodes, n_capsules = len(sizes[4]), len(capsules)
     circles = np.empty((n_nodes, 4))
     Jc = np.empty((n_nodes, 3, 10))
-    bounds = np.empty((n_capsules, 3))
+    frames = np.empty((n_capsules, 12))
     H, g = np.empty((0, 0)), np.empty(0)
     place_nodes(theta, R, t, sizes, K, circles, Jc)
-    bounding_circles(circles, capsules, bounds)
+    frame_capsules(circles, capsules, frames)
     every, own = np.arange(n_capsules), np.where(digit == d)[0]
     # what the rest of the hand explains to half a pixel, this digit need not
     points = np.concatenate((contour, inner))
     rest = np.empty(len(points))
     for k in range(len(points)):
         facing = k < len(contour)
-        far = nearest_outline(points[k], facing, every, d, circles, capsules, digit, bounds)[0]
+        far = nearest_outline(points[k], facing, every, d, digit, frames, FARTHEST_PX)[0]
         rest[k] = far if facing else abs(far)
     still = np.where((np.abs(rest) > EXPLAINED_PX) & (points[:, 4] > 0))[0]
     c2 = weights[1]
@@ -160,15 +161,15 @@ def digit_energies(  # type: ignore[no-untyped-def]
         if n > 0:
             angles[0, 4 * d : 4 * d + 4] = candidates[n - 1]
             place_digit(angles, d, R, t, sizes, K, circles)
-            bounding_circles(circles, capsules, bounds)
+            frame_capsules(circles, capsules, frames)
         e = 0.0
         for k in still:
             facing = k < len(contour)
-            far = nearest_outline(points[k], facing, own, -9, circles, capsules, digit, bounds)[0]
-            e += points[k, 4] * rho(min(far if facing else abs(far), rest[k]), c2)
+            far = nearest_outline(points[k], facing, own, -9, digit, frames, rest[k])[0]
+            e += points[k, 4] * rho(far, c2)
         for c in own:
             e += sample_energy(
-                c, circles, capsules, digit, bone, bounds, maps, weights, Jc, H, g
+                c, circles, capsules, digit, bone, frames, maps, weights, Jc, H, g
             )  # fmt: skip
-        energies[n] = e * scale + prior_energy(R, t, angles[0], prior, limits, limit_std, H, g)
+        energies[n] = e * scale + digit_prior(d, angles[0], prior, limits, limit_std, H, g)
     return energies[0], energies[1:]
