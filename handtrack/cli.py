@@ -39,6 +39,7 @@ EXIT_BROKEN_PIPE = 141
 COMMANDS: dict[str, str] = {
     "bench": "handtrack.bench.commands:Bench",
     "bench ablations": "handtrack.bench.commands:BenchAblations",
+    "bench clip": "handtrack.bench.peer:BenchClip",
     "bench handover": "handtrack.bench.handover:BenchHandover",
     "bench palm": "handtrack.bench.palm:BenchPalm",
     "bench samples": "handtrack.bench.commands:BenchSamples",
