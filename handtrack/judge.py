@@ -23,10 +23,17 @@ class JudgeSettings:
     """Frames between two such looks."""
     better_by: float = 0.02
     """Overlap by which what is found anew must beat what was followed."""
-    cheaper_by: float = 8.0
+    cheaper_by: float = 10.0
     """Energy by which it must, where the overlaps are alike."""
+    facing_cost: float = 25.0
+    """Energy by which a lost hand's unusual side must do better than its usual one."""
+    turning_cost: float = 12.0
+    """Energy by which the usual side must do better still to end a turn; thrice that to begin one
+    that was tracked all the way."""
     turned_every: int = 20
     """Frames between two looks while the hand shows its unusual side."""
+    check_every: int = 30
+    """Frames between two looks while all seems well: silhouettes can agree for a wrong hand."""
     lost_overlap: float = 0.35
     """Below this the hand is not where the model is."""
     patience: int = 15

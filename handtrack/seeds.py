@@ -39,12 +39,12 @@ class SeedSettings:
     """Seeds that are refined a little."""
     finalists: int = 4
     """Of those, how many are swept and refined to the end."""
+    searches: int = 2
+    """How often those are swept and refined."""
     tilt_std_deg: float = 18.0
     """Spread of the palm's tilt."""
     overlap_margin: float = 0.04
     """Of finalists whose overlaps differ by less, the lowest energy wins: edges inside a fist."""
-    facing_cost: float = 8.0
-    """Energy by which the unusual side of the hand must beat the usual one."""
     depth_std: float = 0.12
     """Spread of the depth, relative."""
 
@@ -57,12 +57,13 @@ def find_hand(
     settings: SeedSettings | None = None,
     known: Estimate | None = None,
     usual: str = "palm",
+    facing_cost: float = 0.0,
 ) -> tuple[Estimate, float] | None:
     """The best estimate in a silhouette, and its overlap; None where there is no silhouette.
 
     ``known`` (an earlier estimate) joins the configurations, and the depth stays near its own. A
     fist's silhouette is nearly the same from both sides: the hand faces the ``usual`` way unless
-    the edges inside it say otherwise by ``SeedSettings.facing_cost``.
+    the energy of the other is lower by ``facing_cost``.
     """
     settings = settings or SeedSettings()
     discs = largest_discs(view)
@@ -79,10 +80,12 @@ def find_hand(
     found = [method.settle(view, start) for start in starts]
     agreement = overlaps(view, method, found, bits)
     order = finalists_of(agreement, found, settings.finalists)
-    finalists = [method.search(view, found[k], rng) for k in order]
+    finalists = [found[k] for k in order]
+    for _ in range(settings.searches):
+        finalists = [method.search(view, estimate, rng) for estimate in finalists]
     agreement = overlaps(view, method, finalists, bits)
     near = agreement > agreement.max() - settings.overlap_margin
-    cost = [e.energy + settings.facing_cost * (facing_of(e) != usual) for e in finalists]
+    cost = [e.energy + facing_cost * (facing_of(e) != usual) for e in finalists]
     best = int(np.argmin(np.where(near, cost, np.inf)))
     return finalists[best], float(agreement[best])
 

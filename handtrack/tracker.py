@@ -257,15 +257,22 @@ class Tracker:
     ) -> tuple[Estimate, float]:
         """A search with no idea of the pose; what it finds must beat what was followed."""
         judge, searcher = self.settings.judge, track.searcher
+        # a hand that is well in track faces as it did; else it faces as hands usually do
+        failed = agreement < judge.tracked_overlap
+        usual = self.settings.facing if failed else facing_of(estimate)
+        away = usual == self.settings.facing  # turning would show the side that is rarely shown
+        cost = judge.facing_cost if failed else judge.turning_cost * (3.0 if away else 1.0)
         found = find_hand(
             view, searcher, ("palm", "back"), self.rng,
-            known=track.estimate, usual=self.settings.facing,
+            known=track.estimate, usual=usual, facing_cost=cost,
         )  # fmt: skip
         if found is None:
             return estimate, agreement
-        better = found[1] > agreement + judge.better_by
+        turns = not failed and facing_of(found[0]) != usual
+        better = not turns and found[1] > agreement + judge.better_by
         as_good = found[1] > agreement - judge.better_by
-        cheaper = found[0].energy < searcher.energy(view, estimate) - judge.cheaper_by
+        margin = judge.cheaper_by + cost * turns
+        cheaper = found[0].energy < searcher.energy(view, estimate) - margin
         if not better and not (as_good and cheaper):
             return estimate, agreement
         track.fresh = True
@@ -273,14 +280,16 @@ class Tracker:
         return found
 
     def _doubts(self, track: Track, agreement: float) -> bool:
-        """Whether to look anew: the fit is poor, or the hand shows its unusual side."""
+        """Whether to look anew: often while the fit is poor, now and then in any case."""
         judge = self.settings.judge
+        poor = agreement < judge.doubted_overlap
         turned = facing_of(track.estimate) != self.settings.facing
-        if agreement >= judge.doubted_overlap and not turned:
-            return False
         track.doubts += 1
-        every = judge.doubt_every if agreement < judge.doubted_overlap else judge.turned_every
-        return track.doubts % every == 1
+        every = judge.doubt_every if poor else judge.turned_every if turned else judge.check_every
+        if track.doubts < every:
+            return False
+        track.doubts = 0
+        return True
 
     def _recover(self, image: Image, track: Track) -> None:
         """Look for a lost hand in the whole frame."""
@@ -295,6 +304,7 @@ class Tracker:
             found = find_hand(
                 View.of(evidence), track.searcher, ("palm", "back"), self.rng,
                 known=track.estimate, usual=self.settings.facing,
+                facing_cost=self.settings.judge.facing_cost,
             )  # fmt: skip
             if found is not None and found[1] > self.settings.judge.tracked_overlap:
                 track.estimate, track.fresh, track.misses = found[0], True, 0

@@ -75,9 +75,10 @@ class BenchClip:
         disagree = np.where(use, apart.mean(axis=1), -1)
         worst = np.argsort(-disagree)[: self.worst]
         named = ", ".join(str(int(found.frame[k])) for k in worst)
+        jitter = jitter_deg(found.keypoints_mm, use)
         return (
             f"{method:<13} {tracked[counted].mean():6.1%}  {np.mean(apart[use]):.3f}  "
-            f"{np.mean(apart[use][:, list(TIPS)]):.3f}  {jitter_deg(found.keypoints_mm, use):10.2f}  "
+            f"{np.mean(apart[use][:, list(TIPS)]):.3f}  {jitter:10.2f}  "
             f"{len(other) / seconds:8.1f}  {named}"
         )
 
