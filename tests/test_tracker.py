@@ -1,0 +1,123 @@
+"""The tracker on clips drawn in software: start, both sides, loss and return, determinism."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib.hand import calibrate_hand
+from handtrack.hand.shape import HandShape
+from handtrack.hand.space import default
+from handtrack.records import Frame, FrameResult, Status
+from handtrack.tracker import Tracker, TrackerSettings
+from synth.actor import make_actor
+from synth.clip import frames
+from synth.scene import Scene
+
+
+def filmed(side: str, n: int) -> tuple[list[np.ndarray], Scene]:
+    """Frames of the cardboard hand, 320 by 240, beginning with an open palm."""
+    scene = Scene(
+        seed=3, surface="cardboard", side=side, width_px=320, height_px=240, focal_px=300.0
+    )
+    scene = replace(scene, motion=replace(scene.motion, frames=n, open_frames=6))
+    return [image for image, _ in frames(scene, make_actor(scene))], scene
+
+
+def track(images: list[np.ndarray], scene: Scene, **settings) -> tuple[list[FrameResult], Tracker]:
+    tracker = Tracker(TrackerSettings(**settings), scene.camera, None, default(), calibrate_hand)
+    return [tracker.step(Frame(k, k / 30, image)) for k, image in enumerate(images)], tracker
+
+
+@pytest.fixture(scope="module")
+def right() -> tuple[list[np.ndarray], Scene]:
+    return filmed("right", 16)
+
+
+@pytest.fixture(scope="module")
+def tracked(right) -> tuple[list[FrameResult], Tracker]:
+    return track(*right)
+
+
+def test_it_starts_by_itself_and_follows(tracked) -> None:
+    results, tracker = tracked
+    assert [r.status for r in results] == [Status.TRACKED] * len(results)
+    assert {r.side for r in results} == {"right"}
+    assert tracker.shape.calibrated
+    for result in results:
+        assert np.isfinite(result.theta).all()
+        assert (result.theta_std > 0).all()
+        np.testing.assert_allclose(result.R @ result.R.T, np.eye(3), atol=1e-9)
+
+
+def test_the_same_seed_gives_the_same_numbers(right, tracked) -> None:
+    again, _ = track(right[0][:8], right[1])
+    for a, b in zip(again, tracked[0], strict=False):
+        np.testing.assert_array_equal(a.theta, b.theta)
+        np.testing.assert_array_equal(a.t_mm, b.t_mm)
+
+
+def test_a_mirrored_clip_is_the_left_hand_with_the_same_angles(right, tracked) -> None:
+    images, scene = right
+    flipped = [np.ascontiguousarray(image[:, ::-1]) for image in images[:8]]
+    results, _ = track(flipped, replace(scene, side="left"))
+    assert {r.side for r in results} == {"left"}
+    width = scene.width_px
+    for left, as_right in zip(results, tracked[0], strict=False):
+        assert np.degrees(np.abs(left.theta - as_right.theta)).mean() < 3.0
+        apart = left.keypoints_px - (np.array([width - 1, 0]) + as_right.keypoints_px * [-1, 1])
+        assert np.linalg.norm(apart, axis=1).mean() < 3.0
+        assert abs(np.linalg.det(left.R) - 1) < 1e-9
+
+
+def test_a_hand_that_goes_is_lost_and_found_when_it_comes_back(right) -> None:
+    images, scene = right
+    wall = np.median(np.stack(images), axis=0).astype(np.uint8)
+    wall[:] = np.median(wall[:10].reshape(-1, 3), axis=0).astype(np.uint8)
+    clip = [*images[:4], *[wall] * 20, *images[:5]]
+    results, _ = track(clip, scene)
+    assert results[3].status is Status.TRACKED
+    assert results[23].status is Status.LOST
+    assert np.isnan(results[23].theta).all()
+    assert results[-1].status is Status.TRACKED
+
+
+def test_frames_that_cannot_be_decoded_are_said_to_be(right) -> None:
+    images, scene = right
+    tracker = Tracker(TrackerSettings(), scene.camera, None, default(), calibrate_hand)
+    statuses = [
+        tracker.step(Frame(k, k / 30, image)).status
+        for k, image in enumerate([images[0], None, images[1]])
+    ]
+    assert statuses == [Status.TRACKED, Status.UNDECODABLE, Status.TRACKED]
+
+
+def test_no_hand_no_answer() -> None:
+    wall = np.full((240, 320, 3), 120, np.uint8)
+    tracker = Tracker(
+        TrackerSettings(),
+        Scene(width_px=320, height_px=240).camera,
+        None,
+        default(),
+        calibrate_hand,
+    )
+    result = tracker.step(Frame(0, 0.0, wall))
+    assert result.status is Status.LOST
+    assert np.isnan(result.theta).all()
+
+
+@pytest.mark.parametrize("method", ["paper", "condensation", "random"])
+def test_the_other_methods_run_on_the_same_skeleton(right, method: str) -> None:
+    results, _ = track(right[0][:3], right[1], method=method, particles=50)
+    assert results[0].side == "right"
+    seen = [r for r in results if np.isfinite(r.theta).all()]
+    assert seen
+    assert all(1 <= r.ess <= 50 for r in seen)
+
+
+def test_a_given_hand_is_not_calibrated_away(right) -> None:
+    shape = HandShape.default()
+    tracker = Tracker(TrackerSettings(), right[1].camera, shape, default(), None)
+    for k, image in enumerate(right[0][:3]):
+        tracker.step(Frame(k, k / 30, image))
+    assert tracker.shape is shape
