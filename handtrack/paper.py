@@ -2,7 +2,8 @@
 
 One frame, from the prediction::
 
-    palm     orthographic ICP of the cardboard palm's outline on the edges; both tilts
+    palm     orthographic ICP of the cardboard palm's outline on the edges, wrist and finger
+             roots held weakly where they were; both tilts
     fingers  100 particles along the lines between basis states, weighed by edges and silhouette
     palm     again, with the fingertips (and the first joints) as extra points
     ...      until both rest, or ``rounds`` are over
@@ -56,6 +57,8 @@ class PaperSettings:
     """Fingertips go back to the palm from the second round on."""
     tip_weight: float = 2.0
     """Weight of a fingertip; a sample of the outline has 1."""
+    root_weight: float = 5.0
+    """Weight of the wrist and of each finger root where the last frame has them."""
     tip_reach_px: float = 10.0
     """How far from a predicted fingertip its image may be, in pixels of the window."""
     still_deg: float = 0.3
@@ -110,7 +113,11 @@ class PaperMethod(RefinedMethod):
         normals = np.concatenate([view.normal, view.inner[:, 2:4]])
         above = view.above_wrist(points, pose, self.settings.energy.wrist_line_mm)
         outline = palm_outline(self.shape, theta)
-        extra = self._tips(view, pose, theta, camera) if with_tips else None
+        extra = self._roots(pose, camera)
+        if with_tips:
+            tips = self._tips(view, pose, theta, camera)
+            points_mm, images, weights = (np.concatenate(p) for p in zip(extra, tips, strict=True))
+            extra = points_mm, images, weights
         found = icp(*outline, points[above], normals[above], pose, camera, extra, self.paper.icp)
         return found.poses if found.status.usable else (pose,)
 
@@ -131,6 +138,15 @@ class PaperMethod(RefinedMethod):
             rng, lambda X: terms[best](self.space.to_angles(X)), again=again
         )
         return tilts[best], posterior
+
+    def _roots(self, pose: Pose, camera: Camera) -> tuple[Array, Array, Array]:
+        """The wrist and the finger roots where they were last: the last frame's weak vote.
+
+        Two sides of a palm, nearly parallel, leave its length and its place along them open.
+        """
+        points = np.vstack([np.zeros(3), self.shape.base_mm[1:]])
+        weights = np.full(len(points), self.paper.root_weight)
+        return points, np.asarray(camera.project(pose @ points)), weights
 
     def _tips(
         self, view: View, pose: Pose, theta: Array, camera: Camera
