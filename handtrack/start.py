@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -68,6 +69,8 @@ class StartSettings:
     """Quality of an open hand from which its shape is calibrated."""
     min_overlap: float = 0.88
     """Overlap from which a hand that is not open is believed."""
+    max_solidity: float = 0.9
+    """Share of its convex hull that a silhouette may fill to be believed, if it is not open."""
     min_margin: float = 0.015
     """Overlap by which one side must beat the other, where the side is not told."""
 
@@ -134,6 +137,8 @@ def searched_start(
             segmenter = Segmenter.from_mask(picture, mask)
             seen_by = camera.mirrored() if flip else camera
             evidence = see(picture, window_around(mask), seen_by, segmenter)
+            if solidity(evidence.mask) > settings.max_solidity:
+                continue  # a fist fits any round thing: wait for a finger
             found = find_hand(View.of(evidence), method, (facing,), rng)
             if found is not None:
                 starts.append(Start(shape, found[0], tried, segmenter, found[1], False))
@@ -144,6 +149,20 @@ def searched_start(
     if rivals and starts[0].overlap - rivals[0].overlap < settings.min_margin:
         return None  # either side would do: wait for a frame that tells
     return starts[0]
+
+
+def solidity(mask: NDArray[np.bool_]) -> float:
+    """Area of a silhouette over that of its convex hull; 1 for none.
+
+    >>> disc = np.hypot(*np.mgrid[-20:21, -20:21]) < 18
+    >>> solidity(disc) > 0.95
+    True
+    """
+    points = np.argwhere(mask)
+    if len(points) < 10:
+        return 1.0
+    hull = cv2.convexHull(points[:, ::-1].astype(np.int32))
+    return float(len(points) / max(cv2.contourArea(hull), 1.0))
 
 
 def recalibrated(
