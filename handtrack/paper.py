@@ -32,6 +32,7 @@ from handtrack.hand.shape import HandShape
 from handtrack.hand.skeleton import TIPS
 from handtrack.hand.space import ConfigurationSpace
 from handtrack.hand.surface import Cardboard
+from handtrack.layers import Cloud, Workings
 from handtrack.palm.icp import IcpSettings, icp
 from handtrack.palm.outline import palm_outline
 from handtrack.records import Pose
@@ -86,6 +87,7 @@ class PaperMethod(RefinedMethod):
         self.surface = Cardboard(shape)
         self.filter = make_filter(scheme, particles or PUBLISHED[scheme], space)
         self.takes_best = scheme == "random"
+        self.matched = np.empty((0, 4))  # the last palm's pairs: image, outline
 
     def restart(self, estimate: Estimate) -> None:
         """Begin anew about an estimate that was found otherwise."""
@@ -104,6 +106,7 @@ class PaperMethod(RefinedMethod):
             theta = np.asarray(self.space.to_angles(X))
             if k > 0 and self._rests(*before, pose, theta):
                 break
+        self.workings = self._workings(posterior, pose)
         return Estimate(pose, theta, self._spread(posterior), posterior.ess)
 
     def _palm(self, view: View, pose: Pose, theta: Array, with_tips: bool) -> tuple[Pose, ...]:
@@ -119,6 +122,9 @@ class PaperMethod(RefinedMethod):
             points_mm, images, weights = (np.concatenate(p) for p in zip(extra, tips, strict=True))
             extra = points_mm, images, weights
         found = icp(*outline, points[above], normals[above], pose, camera, extra, self.paper.icp)
+        model, edge = found.matches.T
+        on_model = camera.project(found.poses[0] @ outline[0][model])
+        self.matched = np.column_stack([points[above][edge], on_model])
         return found.poses if found.status.usable else (pose,)
 
     def _fingers(
@@ -171,6 +177,11 @@ class PaperMethod(RefinedMethod):
         turn = float(rotation.angle_between(pose0.R, pose.R))
         bend = float(np.abs(theta - theta0).mean())
         return max(turn, bend) < np.radians(self.paper.still_deg)
+
+    def _workings(self, posterior: Posterior, pose: Pose) -> Workings:
+        matched, best = self.matched, float(posterior.logG.max())
+        cloud = Cloud.of_particles(self.space.to_angles(posterior.X), posterior.W, pose)
+        return Workings(self.surface, self.shape, cloud, lambda estimate: matched, best)
 
     def _spread(self, posterior: Posterior) -> Array:
         """Standard deviations of the angles: the particles', and what the space leaves out."""

@@ -12,6 +12,7 @@ Search before refinement is what keeps it out of local minima; refinement is wha
 """
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,10 @@ from handtrack.estimate import Estimate
 from handtrack.hand.capsules import CapsuleHand
 from handtrack.hand.shape import HandShape
 from handtrack.hand.space import ConfigurationSpace
+from handtrack.hand.surface import Capsules, Surface
+from handtrack.layers import Cloud, Workings
 from handtrack.records import Pose
+from handtrack.refine.matches import contour_pairs
 from handtrack.refine.solve import Prior, Refined, Refiner, RefineSettings
 from handtrack.refine.sweep import SweepSettings, sweep
 from handtrack.refine.view import View
@@ -65,6 +69,8 @@ class RefinedMethod:
     ) -> None:
         self.shape, self.space, self.settings = shape, space, settings
         self.hand = CapsuleHand(shape)
+        self.surface: Surface = Capsules(shape)
+        self.workings: Workings | None = None  # of the last search, open to view
         self.refiner = Refiner(self.hand, settings.energy)
         self.lines = digit_lines(space)
         self.precision = off_line_precision(space, self.lines, settings)
@@ -113,9 +119,14 @@ class RefinedMethod:
     ) -> Estimate:
         s, refine = self.settings, self.refiner
         first = refine(view, pose, theta, prior, s.first_steps)
+        tried = np.empty((5, s.sweep.samples, 20))
         swept, energies = sweep(
-            refine, view, first.pose, first.theta, prior, self.lines, s.sweep, rng
+            refine, view, first.pose, first.theta, prior, self.lines, s.sweep, rng, tried
         )
+        self.workings = Workings(
+            self.surface, self.shape, Cloud.of_sweep(tried, energies, first.pose),
+            partial(contour_pairs, refine, view),
+        )  # fmt: skip
         second = refine(view, first.pose, swept, prior, s.last_steps)
         best = min(first, second, key=lambda r: r.energy)
         return self.estimate(best, effective_samples(energies))

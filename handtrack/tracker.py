@@ -30,6 +30,7 @@ from handtrack.hand.shape import HandShape
 from handtrack.hand.space import ConfigurationSpace
 from handtrack.hand.space import default as default_space
 from handtrack.judge import JudgeSettings, confidence, overlap, status_of
+from handtrack.layers import Seen, Workings
 from handtrack.paper import PaperMethod, PaperSettings
 from handtrack.records import Frame, FrameResult, Pose, Status
 from handtrack.refine.view import View
@@ -71,6 +72,8 @@ class TrackerSettings:
 
 class Method(Protocol):
     """How a frame is worked out: the default's way, or the paper's."""
+
+    workings: Workings | None
 
     def follow(self, view: View, predicted: Estimate, rng: np.random.Generator) -> Estimate:
         """The hand in this frame, from where it was expected."""
@@ -150,6 +153,7 @@ class Tracker:
         self.track: Track | None = None
         self.waited = 0
         self.last_evidence: Evidence | None = None
+        self.seen: Seen | None = None  # of the last frame that was followed
         self.timings_ms: dict[str, list[float]] = defaultdict(list)
 
     def step(self, frame: Frame) -> FrameResult:
@@ -219,6 +223,7 @@ class Tracker:
             evidence, view = self._see(image, track, predicted)
         with self._timed("method"):
             estimate = track.method.follow(view, predicted, self.rng)
+            workings = track.method.workings
         with self._timed("judge"):
             line_mm = self.settings.judge.wrist_line_mm
             agreement = overlap(track.searcher.hand, estimate, view, line_mm)
@@ -230,6 +235,7 @@ class Tracker:
             with self._timed("learn"):
                 self._learn(image, track, evidence, view, agreement)
         self.last_evidence = evidence
+        self.seen = Seen(frame.index, evidence, estimate, workings) if workings else None
         if status is Status.LOST:
             return FrameResult.unknown(frame.index, frame.time_s, side=track.side)
         return result_of(

@@ -91,17 +91,22 @@ def sweep(
     lines: Array,
     settings: SweepSettings,
     rng: np.random.Generator,
+    tried: Array | None = None,
 ) -> tuple[Array, Array]:
     """Best angles ``(20,)`` after one sweep, and the candidates' energies ``(5, n)``.
 
     ``lines`` is ``(5, 2, 4)``. Digits are visited in random order; a candidate replaces the
-    digit's angles only where it lowers the energy of the whole hand.
+    digit's angles only where it lowers the energy of the whole hand. ``tried`` ``(5, n, 20)``, if
+    given, is filled with the whole hands that were weighed.
     """
     best = np.array(theta, float)
     contour, inner = refiner.contour(view, pose), refiner.inner(view, pose)
     energies = np.empty((5, settings.samples))
     for digit in rng.permutation(5):
         candidates = propose(best, digit, lines[digit], settings, rng)
+        if tried is not None:
+            tried[digit] = best
+            tried[digit, :, 4 * digit : 4 * digit + 4] = candidates
         here, energies[digit] = digit_energies(
             digit, candidates, best, np.array(pose.R), np.array(pose.t_mm),
             refiner.sizes, refiner.parts, contour, inner, _maps(view), view.intrinsics,
