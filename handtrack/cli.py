@@ -37,6 +37,7 @@ EXIT_BROKEN_PIPE = 141
 
 #: What is typed (one or two words) -> ``module:Class``.
 COMMANDS: dict[str, str] = {
+    "batch": "handtrack.batch.commands:Batch",
     "bench": "handtrack.bench.commands:Bench",
     "bench ablations": "handtrack.bench.commands:BenchAblations",
     "bench clip": "handtrack.bench.peer:BenchClip",

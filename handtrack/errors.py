@@ -34,5 +34,7 @@ class NothingUsableError(HandtrackError):
 
 #: Exit code of a run that is complete but for frames that could not be decoded.
 EXIT_SOME_UNDECODABLE = 5
+#: Exit code of a batch in which some clip has no result.
+EXIT_SOME_CLIPS_FAILED = 6
 #: Exit code of a run that Ctrl-C or SIGTERM ended; what was done so far is kept.
 EXIT_INTERRUPTED = 130

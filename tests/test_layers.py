@@ -50,7 +50,7 @@ def offenders(who, what):
 
 def is_outermost(module):
     """The public names, commands and the benchmark see everything; that is what they are for."""
-    outermost = ("handtrack.cli", "handtrack.run", "handtrack.account", "handtrack.bench")
+    outermost = [f"handtrack.{name}" for name in ("cli", "run", "account", "bench", "batch")]
     return module == "handtrack" or module.endswith(".commands") or inside(module, *outermost)
 
 
