@@ -32,6 +32,7 @@ from handtrack.output.provenance import Counts, main_side, versions
 from handtrack.records import Frame, FrameResult, Pose, Status
 from handtrack.stages import stage_picture, write_picture
 from handtrack.stop import StopAsked, stop_signals
+from handtrack.threads import linear_algebra_on_one_thread
 from handtrack.trajectory import Trajectory
 
 #: Pictures for --debug are made of every so many frames.
@@ -144,7 +145,7 @@ def run_clip(settings: RunSettings, make: MakeTracker = make_tracker) -> RunRepo
     begin = time.perf_counter()
     try:
         frames = read_frames(settings.clip, limits, info)
-        with closing(frames), stop_signals() as asked:
+        with closing(frames), linear_algebra_on_one_thread(), stop_signals() as asked:
             _track(frames, settings, tracker, camera, folder, report, asked)
     except BaseException as error:
         stopped = isinstance(error, KeyboardInterrupt)
@@ -180,7 +181,8 @@ def track(clip: str | Path, make: MakeTracker = make_tracker, **settings: Any) -
     """
     chosen = RunSettings(Path(clip), **settings)
     info, limits, camera, tracker = _prepared(chosen, make)
-    with closing(read_frames(chosen.clip, limits, info)) as frames:
+    frames = read_frames(chosen.clip, limits, info)
+    with closing(frames), linear_algebra_on_one_thread():
         results = [_result(frame, chosen, tracker) for frame in frames]
     provenance = {
         "clip": info.path.name,

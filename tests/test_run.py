@@ -11,6 +11,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from handtrack import cli, rotation
 from handtrack.camera import Camera
@@ -143,6 +144,18 @@ def test_same_input_same_bytes(tmp_path, write_clip):
     for name in ("angles.csv", "keypoints.csv", "hand.toml", "camera.toml", "overlay.mp4"):
         one, two = ((tmp_path / folder / name).read_bytes() for folder in ("one", "two"))
         assert one == two, name
+
+
+def test_linear_algebra_has_one_thread_while_tracking(tmp_path, write_clip):
+    def threads():
+        return {p["num_threads"] for p in threadpool_info() if p["user_api"] == "blas"}
+
+    seen = []
+    clip = write_clip(tmp_path / "a.mp4", n=1)
+    with threadpool_limits(2, user_api="blas"):
+        run(clip, tmp_path / "out", at=lambda k: seen.append(threads()))
+        assert threads() == {2}
+    assert seen == [{1}]
 
 
 def test_frames_before_the_start_are_lost_and_not_tracked(tmp_path, write_clip):
