@@ -53,6 +53,7 @@ COMMANDS: dict[str, str] = {
     "markers attach": "handtrack.mocap.commands:MarkersAttach",
     "markers rank": "handtrack.mocap.commands:MarkersRank",
     "run": "handtrack.run:RunSettings",
+    "view": "handtrack.output.view:View",
     "synth": "synth.commands:Synth",
     "space excerpt": "handtrack.hand.commands:SpaceExcerpt",
     "space fit": "handtrack.hand.commands:SpaceFit",

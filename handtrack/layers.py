@@ -76,6 +76,7 @@ class Workings:
 
     surface: Surface
     shape: HandShape
+    space: ConfigurationSpace
     cloud: Cloud
     pairs: Callable[[Estimate], Array]
     log_likelihood: float = np.nan  # of the best particle
@@ -140,9 +141,7 @@ def seen_by(tracker: object, index: int) -> Seen | None:
     return seen if isinstance(seen, Seen) and seen.index == index else None
 
 
-def layers_of(
-    seen: Seen | None, result: FrameResult, camera: Camera, space: ConfigurationSpace
-) -> FrameLayers:
+def layers_of(seen: Seen | None, result: FrameResult, camera: Camera) -> FrameLayers:
     """The layers of a frame; ``camera`` is that of the clip as filmed.
 
     Where the hand is lost there is no model to show, but what was seen and tried is.
@@ -153,7 +152,7 @@ def layers_of(
     mirror = (camera.width_px - 1.0) if left else None
     tracked = camera.mirrored() if left else camera
     evidence, estimate, workings = seen.evidence, seen.estimate, seen.workings
-    window = evidence.window
+    window, space = evidence.window, workings.space
     known = bool(np.isfinite(result.theta).all())
     empty = FrameLayers.none()
     patches, digit, share = empty.patches, empty.patch_digit, empty.patch_seen

@@ -181,7 +181,7 @@ class PaperMethod(RefinedMethod):
     def _workings(self, posterior: Posterior, pose: Pose) -> Workings:
         matched, best = self.matched, float(posterior.logG.max())
         cloud = Cloud.of_particles(self.space.to_angles(posterior.X), posterior.W, pose)
-        return Workings(self.surface, self.shape, cloud, lambda estimate: matched, best)
+        return Workings(self.surface, self.shape, self.space, cloud, lambda estimate: matched, best)
 
     def _spread(self, posterior: Posterior) -> Array:
         """Standard deviations of the angles: the particles', and what the space leaves out."""

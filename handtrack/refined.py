@@ -124,8 +124,8 @@ class RefinedMethod:
             refine, view, first.pose, first.theta, prior, self.lines, s.sweep, rng, tried
         )
         self.workings = Workings(
-            self.surface, self.shape, Cloud.of_sweep(tried, energies, first.pose),
-            partial(contour_pairs, refine, view),
+            self.surface, self.shape, self.space,
+            Cloud.of_sweep(tried, energies, first.pose), partial(contour_pairs, refine, view),
         )  # fmt: skip
         second = refine(view, first.pose, swept, prior, s.last_steps)
         best = min(first, second, key=lambda r: r.energy)

@@ -19,16 +19,20 @@ import tyro
 from tqdm import tqdm
 
 from handtrack.account import RunReport, TrackerLike, record_of
+from handtrack.bench.tracks import read_truth
 from handtrack.camera import Camera
 from handtrack.errors import InputError
 from handtrack.evidence.orientation import Image
 from handtrack.evidence.video import Limits, VideoInfo, probe, read_frames
 from handtrack.hand.outline import outline_px
 from handtrack.hand.shape import HandShape
+from handtrack.hand.space import default as default_space
 from handtrack.hand.surface import Capsules
+from handtrack.layers import layers_of, seen_by
 from handtrack.output.drawing import draw_result
 from handtrack.output.folder import RunFolder
 from handtrack.output.provenance import Counts, main_side, versions
+from handtrack.output.report.curves import TrueMotion
 from handtrack.records import Frame, FrameResult, Pose, Status
 from handtrack.stages import stage_picture, write_picture
 from handtrack.stop import StopAsked, stop_signals
@@ -43,7 +47,8 @@ EVERY_DEBUG_FRAME = 25
 class RunSettings:
     """Follow the hand in a clip: tables of angles and keypoints, and an overlay film.
 
-    Writes angles.csv, keypoints.csv, motion.bvh, overlay.mp4, hand.toml, camera.toml and run.json.
+    Writes angles.csv, keypoints.csv, motion.bvh, overlay.mp4, report.html, hand.toml, camera.toml
+    and run.json.
     Exit code: 0 complete, 2 bad input, 3 cannot write, 4 no hand found, 5 some frames could not be
     decoded, 130 interrupted (what was done is kept).
     """
@@ -70,6 +75,10 @@ class RunSettings:
     """Frame to begin at; the ones before it are lost."""
     overlay: bool = True
     """Make overlay.mp4."""
+    report: bool = True
+    """Make report.html and the report_files beside it."""
+    truth: Path | None = None
+    """The truth of a synthetic clip (truth.npz or its folder), for the report to compare with."""
     quiet: bool = False
     """No progress bar."""
     debug: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
@@ -137,11 +146,15 @@ def run_clip(settings: RunSettings, make: MakeTracker = make_tracker) -> RunRepo
         The results cannot be written; what could be is kept.
     """
     info, limits, camera, tracker = _prepared(settings, make)
+    truth = _truth(settings)
     folder = RunFolder(settings.out or Path(f"{settings.clip.stem}.handtrack"))
     report = RunReport(settings.clip, folder.path, Counts(container=info.n_claimed))
     if settings.overlay:
         size = (info.width_px, info.height_px)
         folder.film(size, info.time_base, settings.clip if info.has_audio else None)
+    if settings.report:
+        size = (info.width_px, info.height_px)
+        folder.report(size, getattr(tracker, "space", None) or default_space(), truth)
     begin = time.perf_counter()
     try:
         frames = read_frames(settings.clip, limits, info)
@@ -223,6 +236,8 @@ def _track(
             report.counts.add(result.status)
             report.sides[result.side] += 1
             folder.add(result, partial(_drawn, frame, result, tracker.shape, camera))
+            layers = partial(layers_of, seen_by(tracker, frame.index), result, camera)
+            folder.show(result, frame.image, layers, 1e3 * (tracked - begin))
             if settings.debug is not None and _is_chosen(settings, frame):
                 picture = _stages(frame, result, tracker, camera)
                 write_picture(settings.debug / f"frame_{frame.index:06d}.png", picture)
@@ -270,6 +285,14 @@ def _drawn(frame: Frame, result: FrameResult, shape: HandShape, camera: Camera) 
 @lru_cache(maxsize=2)
 def _surface(shape: HandShape) -> Capsules:
     return Capsules(shape)
+
+
+def _truth(settings: RunSettings) -> TrueMotion | None:
+    if settings.truth is None:
+        return None
+    path = settings.truth / "truth.npz" if settings.truth.is_dir() else settings.truth
+    truth = read_truth(path)
+    return TrueMotion(truth.theta, truth.keypoints_px)
 
 
 def _camera(settings: RunSettings, info: VideoInfo) -> Camera:

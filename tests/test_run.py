@@ -25,7 +25,7 @@ from handtrack.records import FrameResult, Pose, Status
 from handtrack.run import RunSettings, run_clip
 
 TABLES = ["angles.csv", "camera.toml", "hand.toml", "keypoints.csv"]
-SHOWS = [*TABLES, "motion.bvh", "overlay.mp4", "run.json"]
+SHOWS = [*TABLES, "motion.bvh", "overlay.mp4", "report.html", "report_files", "run.json"]
 
 
 class FakeTracker:
