@@ -74,7 +74,13 @@ class Demo:
             write_clip(scene, clip, progress=not self.quiet)
         found = self.out / "found"
         report = run_clip(
-            RunSettings(clip / "clip.mp4", out=found, camera=clip / "camera.toml", quiet=self.quiet)
+            RunSettings(
+                clip / "clip.mp4",
+                out=found,
+                camera=clip / "camera.toml",
+                truth=clip / "truth.npz",
+                quiet=self.quiet,
+            )
         )
         print(report.last_line)
         truth = read_truth(clip / "truth.npz")
@@ -87,7 +93,7 @@ class Demo:
 
 _WHERE_TO_LOOK = {
     "overlay.mp4": "what was found, drawn over the clip",
-    "report.html": "the angles over time, in a browser",
+    "report.html": "picture, layers, angles and their error, in a browser",
     "angles.csv": "the table of angles",
     "motion.bvh": "the motion, for Blender",
 }

@@ -78,7 +78,11 @@ def time_likelihood(
 def whole_run(clip: Path, out: Path) -> dict[str, float]:
     """Frames a second of ``handtrack run`` without overlay, peak memory, and medians by stage."""
     camera = clip / "camera.toml"
-    run_clip(RunSettings(clip / "clip.mp4", out=out, camera=camera, overlay=False, quiet=True))
+    run_clip(
+        RunSettings(
+            clip / "clip.mp4", out=out, camera=camera, overlay=False, report=False, quiet=True
+        )
+    )
     record = json.loads((out / "run.json").read_text(encoding="utf-8"))
     return {
         "frames_per_second": record["frames_per_second"],

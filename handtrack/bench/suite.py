@@ -98,6 +98,7 @@ def run_trial(trial: Trial, clip: Path, out: Path, true_hand: bool = False) -> R
         particles=trial.particles,
         seed=trial.seed,
         overlay=False,
+        report=False,
         quiet=True,
     )
     report = run_clip(settings)

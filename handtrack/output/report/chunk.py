@@ -4,7 +4,8 @@ Points are stored in steps of an eighth of a pixel (of half a pixel in very larg
 another as differences; each list has a column ``<name>_n`` with its length in every frame.
 """
 
-from dataclasses import dataclass, field
+import contextlib
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,30 +25,37 @@ MOST_CONTOUR, MOST_EDGES = 360, 420
 KINDS = ("", "particles", "samples")
 
 
-@dataclass
 class Chunk:
-    """Frames that wait to be written together; ``pixel_steps`` make one pixel."""
+    """The file of chunk ``number``: pictures are written as they come, layers when it is closed.
 
-    pixel_steps: float
-    results: list[FrameResult] = field(default_factory=list)
-    layers: list[FrameLayers] = field(default_factory=list)
-    packets: list[bytes] = field(default_factory=list)
+    ``pixel_steps`` make one pixel.
+    """
+
+    def __init__(self, folder: Path, number: int, pixel_steps: float) -> None:
+        self.pixel_steps = pixel_steps
+        self.results: list[FrameResult] = []
+        self.layers: list[FrameLayers] = []
+        self._file = open(folder / f"{number:06d}.js", "w", encoding="ascii")  # noqa: SIM115
+        self._file.write(f"handtrack.chunk({number},[")
 
     def __len__(self) -> int:
-        return len(self.packets)
+        return len(self.results)
 
     def add(self, result: FrameResult, layers: FrameLayers, packet: bytes) -> None:
         """One more frame."""
         self.results.append(result)
         self.layers.append(layers)
-        self.packets.append(packet)
+        self._file.write(f'"{as_text(packet)}",')
 
-    def script(self, number: int) -> str:
-        """The text of the chunk's file."""
-        block = as_text(pack_columns(self.columns()))
-        sizes = ",".join(str(len(packet)) for packet in self.packets)
-        film = as_text(b"".join(self.packets))
-        return f'handtrack.chunk({number},"{block}",[{sizes}],"{film}");\n'
+    def close(self) -> None:
+        """Write the layers."""
+        self._file.write(f'],"{as_text(pack_columns(self.columns()))}");\n')
+        self._file.close()
+
+    def drop(self) -> None:
+        """Close the file, whatever is in it."""
+        with contextlib.suppress(OSError):
+            self._file.close()
 
     def columns(self) -> list[Column]:
         """The layers of its frames."""

@@ -72,7 +72,7 @@ class Column:
         values = self.values.astype(TYPES[self.type])
         if self.delta and len(values):
             values = np.concatenate([values[:1], np.diff(values)])
-        return np.ascontiguousarray(values.view(np.uint8).reshape(len(values), -1).T).tobytes()
+        return np.ascontiguousarray(values.view(np.uint8).reshape(-1, values.itemsize).T).tobytes()
 
 
 def pack_columns(columns: Iterable[Column]) -> bytes:

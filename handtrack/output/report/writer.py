@@ -52,7 +52,8 @@ class ReportWriter:
         self._part = hidden_beside(folder / REPORT_FILES)
         self._film = Film(width_px, height_px)
         self._steps = 8.0 if max(self._size) <= FINE_UP_TO_PX else 2.0
-        self._chunk, self._n_chunks = Chunk(self._steps), 0
+        self._chunk: Chunk | None = None
+        self._n_chunks = 0
         try:
             self._part.mkdir()
         except OSError as error:
@@ -80,7 +81,7 @@ class ReportWriter:
             self._worker.close()
             self._worker.raise_fault()
             if self._curves.n:
-                self._flush()
+                self._close_chunk()
                 self._times.close()
                 block = as_text(pack_columns(self._curves.columns(truth)))
                 self._curves.discard()
@@ -99,22 +100,23 @@ class ReportWriter:
     def _take(
         self, result: FrameResult, image: Image | None, layers: FrameLayers, ms: float
     ) -> None:
-        self._chunk.add(result, layers, self._film.packet(image))
-        self._curves.add(result, layers)
-        self._times.add(ms)
-        if len(self._chunk) == CHUNK:
-            self._flush()
-
-    def _flush(self) -> None:
-        """Write the chunk that has been filled."""
-        if not len(self._chunk):
-            return
-        path = self._part / f"{self._n_chunks:06d}.js"
+        packet = self._film.packet(image)
         try:
-            path.write_text(self._chunk.script(self._n_chunks), encoding="ascii")
+            if self._chunk is None:
+                self._chunk = Chunk(self._part, self._n_chunks, self._steps)
+                self._n_chunks += 1
+            self._chunk.add(result, layers, packet)
+            self._curves.add(result, layers)
+            self._times.add(ms)
+            if len(self._chunk) == CHUNK:
+                self._close_chunk()
         except OSError as error:
             raise self._cannot(error) from error
-        self._chunk, self._n_chunks = Chunk(self._steps), self._n_chunks + 1
+
+    def _close_chunk(self) -> None:
+        if self._chunk is not None:
+            self._chunk.close()
+        self._chunk = None
 
     def _facts(self, facts: Mapping[str, Any], has_truth: bool) -> dict[str, Any]:
         film = self._film
@@ -147,6 +149,8 @@ class ReportWriter:
         put_in_place(files / REPORT_HTML, html)
 
     def _clear(self) -> None:
+        if self._chunk is not None:
+            self._chunk.drop()
         self._curves.discard()
         self._times.close()
         hidden_beside(self._folder / REPORT_HTML).with_suffix(".old").unlink(missing_ok=True)

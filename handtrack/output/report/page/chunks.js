@@ -4,8 +4,8 @@
 // with the frame's number as time stamp, so a picture knows which frame it is.
 
 const handtrack = { arrived: new Map(), ms: null };
-handtrack.chunk = (number, block, sizes, film) => {
-  handtrack.arrived.set(number, { block, sizes, film });
+handtrack.chunk = (number, packets, block) => {
+  handtrack.arrived.set(number, { packets, block });
 };
 handtrack.times = (ms) => { handtrack.ms = ms; };
 
@@ -73,10 +73,10 @@ class Clip {
 
   async load(number) {
     await loadScript(String(number).padStart(6, "0"));
-    const { block, sizes, film } = handtrack.arrived.get(number);
+    const { packets, block } = handtrack.arrived.get(number);
     handtrack.arrived.delete(number);
     const columns = await unpackColumns(block);
-    return { columns, starts: startsOf(columns), packets: cut(bytesOf(film), sizes) };
+    return { columns, starts: startsOf(columns), packets };
   }
 
   gop(k) {
@@ -104,8 +104,8 @@ class Clip {
       decoder.configure({
         codec, codedWidth: size[0], codedHeight: size[1], optimizeForLatency: true,
       });
-      packets.forEach((data, i) => decoder.decode(new EncodedVideoChunk({
-        type: i ? "delta" : "key", timestamp: 1000 * (first + i), data,
+      packets.forEach((text, i) => decoder.decode(new EncodedVideoChunk({
+        type: i ? "delta" : "key", timestamp: 1000 * (first + i), data: bytesOf(text),
       })));
       await decoder.flush();
     } catch (error) {
@@ -135,11 +135,6 @@ function entryOf(promise) {
   const entry = { promise, done: null };
   promise.then((value) => { entry.done = value; }, () => {});
   return entry;
-}
-
-function cut(bytes, sizes) {
-  let at = 0;
-  return sizes.map((size) => bytes.subarray(at, (at += size)));
 }
 
 // Where each frame's part of a list begins.
