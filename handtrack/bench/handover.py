@@ -5,6 +5,7 @@ held out, real markers left out one at a time, and recorded gestures.
 """
 
 import json
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -12,8 +13,11 @@ from typing import Annotated, Any
 
 import numpy as np
 import tyro
+from tqdm import tqdm
 
+from handtrack.bench.handover_page import split_parts, study_parts
 from handtrack.bench.handover_speed import measure_speed
+from handtrack.bench.handover_splits import over_splits
 from handtrack.bench.handover_study import (
     PAPER,
     Score,
@@ -30,18 +34,15 @@ from handtrack.hand.shape import HandShape
 from handtrack.mocap import page
 from handtrack.mocap.database import Clip, clip_of, read_clip, shipped_clip
 from handtrack.mocap.hand_motion import hand_motion
-from handtrack.mocap.handover import columns, in_root, reconstruct
 from handtrack.mocap.marker_io import read_markers
 from handtrack.mocap.marker_sets import marker_set
-from handtrack.mocap.pca import fit
 from handtrack.mocap.ranking import rank
 from handtrack.mocap.recordings import read_leap, resampled
 from handtrack.output.files import open_whole, output_folder
 
-TRAIN = ("cube_med2", "cup1", "cyl_med3", "teapot2")
+CLIPS = ("cube_med2", "cup1", "cyl_med3", "mug1", "mug3", "teapot2")
+#: The pair that is shown in full; every other pair is in the table over all splits.
 TEST = ("mug1", "mug3")
-#: The same with the clip held out whose clenched fists no other clip has.
-TRAIN_HARD, TEST_HARD = ("cube_med2", "cup1", "cyl_med3", "mug1"), ("mug3", "teapot2")
 DFKI_ROOT = ("hand_top", "hand_left", "hand_right")
 DFKI_HAND = tuple(
     f"{d}_{p}" for d in ("thumb", "index", "middle", "ring", "little") for p in ("middle", "tip")
@@ -62,8 +63,10 @@ class BenchHandover:
     """Seed of the performances and of the clusters."""
     only: str = ""
     """Measure only the studies whose name contains this."""
-    stride: int = 5
+    stride: int = 8
     """Every so many frames of the ManipNet clips, which have 120 a second."""
+    split_stride: int = 16
+    """The same for the table over all splits."""
     speed: bool = False
     """Measure speed and memory too."""
 
@@ -80,8 +83,13 @@ class BenchHandover:
             print(f"\n{s.name}: {len(s.base.theta)} frames, tests {', '.join(map(_name, s.tests))}")
             measured = measure(s, np.random.default_rng(self.seed))
             document["studies"][s.name] = measured
-            parts += _section(s, measured)
+            parts += study_parts(s, measured)
         if self.recordings is not None:
+            document["splits"] = {
+                side: self._splits(side, parts)
+                for side in ("right", "left")
+                if self.only in f"splits {side}"
+            }
             document["leave_one_out_mm"] = self._left_out(parts)
         if self.speed:
             speed = measure_speed()
@@ -107,27 +115,34 @@ class BenchHandover:
     def _recorded(self) -> list[Study]:
         if self.recordings is None:
             return []
-        full, folder, found = marker_set("full13"), self.recordings / "manipnet", []
+        found = []
         for side in ("right", "left"):
-            names = sorted({*TRAIN, *TEST, *TEST_HARD})
-            clips = {n: read_clip(folder / f"{n}_{side}.bvh", full) for n in names}
-            pairs = [("", TRAIN, TEST)] + [(", fists unseen", TRAIN_HARD, TEST_HARD)] * (
-                side == "right"
-            )
-            for note, learnt, held in pairs:
-                found.append(
-                    study(
-                        f"ManipNet {side}{note}",
-                        [clips[n] for n in learnt],
-                        [clips[n] for n in held],
-                        self.stride,
-                    )
-                )
+            clips = self._manipnet(side)
+            learnt = [clips[n] for n in CLIPS if n not in TEST]
+            held = [clips[n] for n in TEST]
+            found.append(study(f"ManipNet {side}", learnt, held, self.stride))
         leap = {p.stem: _leap_clip(p) for p in sorted((self.recordings / "leap").glob("*.json"))}
         known = {n: c for n, c in leap.items() if c is not None}
         tests = [known[n] for n in LEAP_TEST if n in known]
         train = [c for n, c in known.items() if n not in LEAP_TEST]
         return [*found, *([study("Leap gestures", train, tests)] if tests and train else [])]
+
+    def _manipnet(self, side: str) -> dict[str, Clip]:
+        folder, full = (self.recordings or Path()) / "manipnet", marker_set("full13")
+        return {n: read_clip(folder / f"{n}_{side}.bvh", full) for n in CLIPS}
+
+    def _splits(self, side: str, parts: list[str]) -> dict[str, Any]:
+        print(f"\nManipNet {side}, every two clips of six held out")
+        with tqdm(total=15, unit="split", disable=not sys.stderr.isatty()) as bar:
+            rows = over_splits(self._manipnet(side), self.split_stride, lambda _: bar.update())
+        for name, row in rows.items():
+            print(
+                f"  {name:24s} mean {row.mean_deg:5.2f}  median split {row.median_deg:5.2f}  "
+                f"best {row.best_deg:5.2f}  worst {row.worst_deg:5.2f}  "
+                f"in 90 %: {row.inside_90:.2f}"
+            )
+        parts += split_parts(side, rows)
+        return {name: asdict(row) for name, row in rows.items()}
 
     def _left_out(self, parts: list[str]) -> Mapping[str, float]:
         markers = read_markers((self.recordings or Path()) / "dfki" / "recording.tsv")
@@ -205,55 +220,3 @@ def _leap_clip(path: Path, rate_hz: float = 60.0) -> Clip | None:
             )
             return clip_of(path.stem, motion, marker_set("full13"))
     return None
-
-
-def _section(s: Study, measured: Mapping[str, Any]) -> list[str]:
-    from matplotlib.figure import Figure
-
-    rows = [
-        {"markers": r["set"]}
-        | {c: f"{e:.2f}" for c, e in zip(measured["tests"], r["error_deg"], strict=True)}
-        | {"mean": f"{r['mean_deg']:.2f}", "in 90 %": f"{np.mean(r['inside_90']):.2f}"}
-        for r in measured["figure4"]
-    ]
-    pca = [
-        {"markers": n, "regression": name}
-        | {c: f"{e:.2f}" for c, e in zip(measured["tests"], v, strict=True)}
-        for n, found in measured["figure2"].items()
-        for name, v in found.items()
-    ]
-    figure = Figure(figsize=(9.0, 3.6), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    curve = np.array(list(measured["figure1"].values()))
-    for k, name in enumerate(measured["tests"]):
-        left.plot(list(measured["figure1"]), curve[:, k], "o-", ms=3, label=name)
-    left.set(xlabel="components", ylabel="mean error, deg", title="six markers (Figure 1)")
-    left.set_ylim(bottom=0)
-    left.legend(fontsize=8)
-    names = [r["set"] for r in measured["figure4"]]
-    right.barh(names, [r["mean_deg"] for r in measured["figure4"]], color="#0072b2")
-    right.invert_yaxis()
-    right.tick_params(axis="y", labelsize=7)
-    right.set(xlabel="mean error, deg", title="marker sets (Figure 4)")
-    return [
-        f"<h2>{s.name}</h2>",
-        page.table(rows),
-        page.picture(figure, "error by components and by marker set"),
-        page.picture(_over_time(s), "components over time (Figure 5)"),
-        page.picture(
-            page.draw_ranking(rank(s.base.labels, s.base.X_mm), marker_set("full13")), "ranking"
-        ),
-        "<h3>With and without the components (Figure 2)</h3>",
-        page.table(pca),
-    ]
-
-
-def _over_time(s: Study) -> Any:
-    """Figure 5: components over time, six and three markers against the truth."""
-    ranking, clip = rank(s.base.labels, s.base.X_mm), s.tests[0]
-    curves = {"truth": fit(s.base.theta).scores(clip.theta)}
-    for n in (6, 3):
-        X = columns(s.base, clip.markers.labels, ranking.top(n))
-        Q, _ = in_root(s.base, clip.markers, ranking.top(n))
-        curves[f"{n} markers"] = reconstruct(s.base, X, Q, PAPER).scores
-    return page.draw_components(np.arange(len(clip.theta)) / s.base.rate_hz, curves)

@@ -14,12 +14,14 @@ from scipy.cluster.vq import kmeans2
 
 from handtrack.mocap import pca
 from handtrack.mocap.database import Clip, Database, build
-from handtrack.mocap.handover import Handover, columns, in_root, reconstruct, windowed
+from handtrack.mocap.handover import columns, in_root, reconstruct, windowed
 from handtrack.mocap.markers import Markers
-from handtrack.mocap.ranking import cross_validated, greedy, rank
+from handtrack.mocap.ranking import Ranking, greedy, rank
 from handtrack.mocap.regression import Regression, predict
 from handtrack.mocap.root import reference_of, root_relative
+from handtrack.mocap.settings import Handover
 from handtrack.mocap.smoothing import cone, lag_frames
+from handtrack.mocap.validation import NINETY, held_out
 
 Array = NDArray[np.float64]
 
@@ -28,16 +30,17 @@ MANUAL6 = ("thumb_tip", "index_tip", "little_tip", "thumb_ip", "index_pip", "lit
 TIPS5 = ("thumb_tip", "index_tip", "middle_tip", "ring_tip", "little_tip")
 #: Poses that Kang et al. 2012 boil their data base down to.
 CLUSTERS = 30
-#: Half width of a 90 % interval of a normal distribution, in standard deviations.
-NINETY = 1.6449
 #: Grid of the tuned regression; neighbours as a share of the data base, 0 for all of it.
 GRID = {
-    "neighbours": (0.0, 0.2, 0.5),
-    "ridge_mm": (0.0, 0.5, 1.0),
+    "neighbours": (0.0, 0.3),
+    "ridge_mm": (0.5, 1.0),
     "power": (1.0, 2.0, 3.0),
     "window": (0, 1),
+    "close_mm": (0.0, 0.2),
 }
 PAPER = Handover()
+#: What the greedy ranking of the tuned rows is made for.
+CLOSED = Handover(Regression(ridge_mm=0.5, power=3.0), close_mm=0.2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,22 +134,26 @@ def cluster_pose_six(base: Database, rng: np.random.Generator, size: int = 6) ->
     return tuple(base.labels[m] for m in sets[int(np.argmin(worth))])
 
 
-def tuned(base: Database, chosen: Sequence[str], frames: int = 1200) -> Handover:
-    """The settings of :data:`GRID` with the least cross-validated error on the data base."""
+def tuned(
+    base: Database,
+    chosen: Sequence[str],
+    frames: int = 800,
+    grid: Mapping[str, Sequence[float]] = GRID,
+) -> Handover:
+    """The settings of a grid with the least cross-validated error on the data base."""
     rows = np.linspace(0, len(base.theta) - 1, min(frames, len(base.theta))).round().astype(int)
-    group = base.folds()[rows]
-    parts = [np.flatnonzero(group == g) for g in np.unique(group)]
     X = columns(base, base.labels, chosen)
     step = max(round(PAPER.window_step_s * base.rate_hz), 1)
     best, least = PAPER, np.inf
-    for share, ridge, power, window in product(*GRID.values()):
-        regression = Regression(int(share * len(rows)), float(ridge), float(power))
+    for share, ridge, power, window, close_mm in product(*grid.values()):
+        regression = Regression(int(share * len(rows)), ridge, power)
+        settings = Handover(regression, window=int(window), close_mm=close_mm)
         local = windowed(X, base.starts, int(window), step)[rows]
-        error = cross_validated(local, base.theta[rows], parts, regression)
+        truth = base.theta[rows]
+        error = held_out(settings, local, truth, base.folds()[rows], len(chosen)).error(truth)
         if error < least:
             whole = replace(regression, neighbours=int(share * len(base.theta)))
-            best = replace(PAPER, regression=whole, window=int(window))
-            least = error
+            best, least = replace(settings, regression=whole), error
     return best
 
 
@@ -164,11 +171,21 @@ def marker_sets(
     yield "manual 6 (Hoyet)", MANUAL6, PAPER
     yield "cluster-pose 6 (Kang)", cluster_pose_six(base, rng), PAPER
     yield "five fingertips", TIPS5, PAPER
-    steps = greedy(base.labels, base.X_mm, base.theta, 6, PAPER.regression, base.folds(), 800)
+    steps = greedy_for(base, PAPER)
     yield "greedy 6", steps.top(6), PAPER
     yield "greedy 3", steps.top(3), PAPER
+    yield "all 13, tuned", base.labels, CLOSED
     yield "ranked 6, tuned", ranking.top(6), tuned(base, ranking.top(6))
+    yield "ranked 3, tuned", ranking.top(3), tuned(base, ranking.top(3))
+    yield "manual 6, tuned", MANUAL6, tuned(base, MANUAL6)
+    steps = greedy_for(base, CLOSED)
     yield "greedy 6, tuned", steps.top(6), tuned(base, steps.top(6))
+    yield "greedy 3, tuned", steps.top(3), tuned(base, steps.top(3))
+
+
+def greedy_for(base: Database, settings: Handover, frames: int = 500) -> Ranking:
+    """The six markers that a greedy ranking picks for these settings."""
+    return greedy(base.labels, base.X_mm, base.theta, 6, settings, base.folds(), frames)
 
 
 def with_and_without_pca(s: Study, chosen: Sequence[str]) -> dict[str, list[float]]:

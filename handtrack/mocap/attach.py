@@ -1,9 +1,11 @@
 """Virtual markers on a moving skeleton: so any BVH of a hand becomes a data base, or a test.
 
 A marker is glued to a bone: ``along`` it between its two keypoints and ``dorsal_mm`` above it, in
-the bone's own frame, where it stays. Which way is dorsal is settled once, in the frame where the
-digit is straightest: away from the palm (for the thumb, turned half towards its side). Markers
-of the palm stay where they are in the palm frame. Noise and dropouts come from a seed.
+the bone's own frame, where it stays. Dorsal is across the axis about which the digit bends, away
+from where it bends to: a property of the skeleton, so that all clips of a skeleton have their
+markers in the same places. Where a digit never bends, dorsal is away from the palm (for the thumb,
+turned half towards its side) in the frame where the digit is straightest. Markers of the palm stay
+where they are in the palm frame. Noise and dropouts come from a seed.
 
 >>> from handtrack.hand.shape import HandShape
 >>> from handtrack.mocap.hand_motion import hand_motion
@@ -19,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError
-from handtrack.hand.skeleton import DIGITS, KEYPOINT_NAMES
+from handtrack.hand.skeleton import KEYPOINT_NAMES
 from handtrack.mocap.bvh import Motion
 from handtrack.mocap.mapping import SHIPPED, Mapping, read_mapping
 from handtrack.mocap.marker_sets import MarkerSet, marker_set
@@ -34,6 +36,8 @@ _JOINTS = tuple(name for name in KEYPOINT_NAMES if not name.endswith("_tip"))
 #: The thumb's nail faces its side as much as the back of the hand.
 _THUMB_DORSAL = np.array([1.0, 0.0, -1.0]) / np.sqrt(2)
 _DORSAL = np.array([0.0, 0.0, -1.0])
+#: A digit that bends by less than this (root mean square) does not show the axis of its hinges.
+BENDS_RAD = np.radians(5.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +127,6 @@ def attach(motion: Motion, mapping: Mapping, chosen: MarkerSet) -> Markers:
     points = where.positions_mm(motion)
     world_R = motion.world().R
     palm = palm_of(points)
-    straightest = _straightest(points)
     positions = np.empty((motion.n_frames, len(chosen.labels), 3))
     for m, label in enumerate(chosen.labels):
         site = chosen.sites[label]
@@ -133,13 +136,8 @@ def attach(motion: Motion, mapping: Mapping, chosen: MarkerSet) -> Markers:
             continue
         k = KEYPOINT_NAMES.index(site.bone)
         start, stop = points[:, k], points[:, k + 1]
-        digit = (k - 1) // 4
-        frame = straightest[digit]
-        up = palm.R[frame] @ ((_THUMB_DORSAL if digit == 0 else _DORSAL) * palm.mirror)
-        bone = _unit(stop[frame] - start[frame])
-        dorsal = _unit(up - bone * (bone @ up))
         R = world_R[:, motion.index(where.keypoints[site.bone])]
-        in_bone = R[frame].T @ dorsal  # glued there: the same in every frame
+        in_bone = dorsal_in_bone(points, palm, R, k)  # glued there: the same in every frame
         positions[:, m] = start + site.along * (stop - start) + site.dorsal_mm * (R @ in_bone)
     return Markers(chosen.labels, positions * axes_of(mapping), 1 / motion.frame_time_s)
 
@@ -180,11 +178,30 @@ def disturbed(
     return replace(markers, positions_mm=positions)
 
 
-def _straightest(points: Array) -> NDArray[np.int64]:
-    """Frame in which each digit's tip is farthest from its first joint, ``(5,)``."""
-    first = [1 + 4 * d for d in range(len(DIGITS))]
-    reach = np.stack([np.linalg.norm(points[:, k + 3] - points[:, k], axis=1) for k in first])
-    return np.asarray(reach.argmax(axis=1), dtype=np.int64)
+def dorsal_in_bone(points: Array, palm: Palm, R: Array, keypoint: int) -> Array:
+    """The dorsal side ``(3,)`` of the bone that begins at a keypoint, in the bone's frame.
+
+    Parameters
+    ----------
+    points : (F, 21, 3) keypoints.
+    palm : in the same axes.
+    R : (F, 3, 3) the bone's frame in every frame of the motion.
+    keypoint : where the bone begins.
+    """
+    digit = (keypoint - 1) // 4
+    chain = points[:, 1 + 4 * digit : 5 + 4 * digit]
+    frame = int(np.linalg.norm(chain[:, 3] - chain[:, 0], axis=1).argmax())  # the straightest
+    up = palm.R[frame] @ ((_THUMB_DORSAL if digit == 0 else _DORSAL) * palm.mirror)
+    b = _unit(np.diff(chain, axis=1))  # (F, 3, 3)
+    bone = R[frame].T @ b[frame, (keypoint - 1) % 4]
+    bends = np.cross(b[:, :2], b[:, 1:])  # (F, 2, 3)
+    in_bone = np.einsum("fba,fkb->fka", R, bends).reshape(-1, 3)
+    spread, axes = np.linalg.eigh(in_bone.T @ in_bone / len(in_bone))
+    dorsal = np.cross(bone, axes[:, -1])
+    dorsal = dorsal if dorsal @ (R[frame].T @ up) >= 0 else -dorsal
+    if spread[-1] < np.sin(BENDS_RAD) ** 2:
+        dorsal = R[frame].T @ up
+    return np.asarray(_unit(dorsal - bone * (bone @ dorsal)))
 
 
 def _unit(vectors: Array) -> Array:

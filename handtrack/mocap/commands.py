@@ -16,27 +16,25 @@ from handtrack.errors import InputError, OutputError
 from handtrack.mocap import page
 from handtrack.mocap.attach import attach, disturbed, find_mapping
 from handtrack.mocap.bvh import read_bvh
-from handtrack.mocap.database import Database, read_database, root_labels
+from handtrack.mocap.database import Database, read_database
 from handtrack.mocap.handover import (
-    Handover,
     Reconstruction,
     check_query,
     columns,
     in_root,
     reconstruct,
 )
-from handtrack.mocap.marker_io import SUFFIXES, read_markers, write_markers
-from handtrack.mocap.marker_sets import MarkerSet, marker_set
-from handtrack.mocap.markers import Markers, joined
-from handtrack.mocap.ranking import Ranking, greedy, rank
+from handtrack.mocap.marker_io import read_markers, write_markers
+from handtrack.mocap.marker_sets import marker_set
+from handtrack.mocap.ranking import rank
 from handtrack.mocap.regression import Regression
-from handtrack.mocap.result import report, trajectory_of
-from handtrack.mocap.root import RootLink, reference_of, root_relative
+from handtrack.mocap.result import record_of, report, trajectory_of
+from handtrack.mocap.settings import Handover
+from handtrack.mocap.sources import Method, rank_sources
 from handtrack.output.bvh import write_hand_bvh
 from handtrack.output.files import hidden_beside, open_whole, output_folder, put_in_place
 from handtrack.output.provenance import RUN_JSON, versions, write_provenance
 from handtrack.output.table import ANGLES_CSV, TableWriter
-from handtrack.records import Status
 from handtrack.trajectory import Trajectory, angle_columns
 
 Array = NDArray[np.float64]
@@ -91,10 +89,16 @@ class MarkersRank:
     """BVH files, marker files, or sequences that ship (alphabet)."""
     top: int = 6
     """How many to print first."""
-    method: Literal["algorithm1", "unweighted", "greedy"] = "algorithm1"
+    method: Method = "algorithm1"
     """Algorithm 1, its unweighted variant, or the marker that most lowers the error comes next."""
     components: int = 3
     """Components that the unweighted variant sums over."""
+    power: float = 1.0
+    """The greedy ranking is for a regression whose weights are 1 / distance to this power,"""
+    ridge_mm: float = 0.5
+    """that is damped for this noise of a marker coordinate,"""
+    close_mm: float = 0.0
+    """and whose hand is then brought this near to its markers; 0 leaves it alone."""
     set: str = "full13"
     """The marker set that is attached to BVH files."""
     mapping: str = "auto"
@@ -111,7 +115,18 @@ class MarkersRank:
         if self.top < 1:
             raise InputError(f"--top {self.top}: at least one marker")
         chosen = marker_set(self.set)
-        ranking = self._ranking(chosen)
+        with _progress(self.top, "markers", self.method != "greedy") as bar:
+            ranking = rank_sources(
+                self.database,
+                chosen,
+                self.method,
+                self.components,
+                self.top,
+                self.mapping,
+                self.root,
+                Handover(Regression(0, self.ridge_mm, self.power), close_mm=self.close_mm),
+                lambda text: _advance(bar, text),
+            )
         picture = page.png(page.draw_ranking(ranking, chosen, ranking.top(self.top)))
         _write_bytes(self.out, picture)
         print(f"rank  marker        share   ({ranking.method})")
@@ -120,36 +135,6 @@ class MarkersRank:
         print(f"top {self.top}: {','.join(ranking.top(self.top))}")
         print(f"{self.out}: the markers on a hand")
         return 0
-
-    def _ranking(self, chosen: MarkerSet) -> Ranking:
-        files = [Path(s).suffix.lower() in SUFFIXES for s in self.database]
-        count = self.components if self.method == "unweighted" else 0
-        if any(files):
-            if self.method == "greedy" or not all(files):
-                raise InputError(
-                    "marker files hold no angles: give BVH files alone, or rank marker files "
-                    "alone by algorithm1 or unweighted"
-                )
-            parts = [read_markers(source) for source in self.database]
-            markers = joined([part.select(parts[0].labels) for part in parts])
-            root = self.root or root_labels(markers.labels)
-            reference = reference_of(markers.select(root).positions_mm)
-            local = root_relative(markers, root, reference)
-            return rank(local.labels, local.positions_mm, count)
-        base = read_database(self.database, chosen, self.mapping, self.root or None)
-        if self.method == "greedy":
-            n = min(max(self.top, 1), len(base.labels))
-            with _progress(n, "markers") as bar:
-                return greedy(
-                    base.labels,
-                    base.X_mm,
-                    base.theta,
-                    n,
-                    Regression(),
-                    base.folds(),
-                    progress=lambda text: bar.set_postfix_str(text),
-                )
-        return rank(base.labels, base.X_mm, count)
 
 
 @dataclass(frozen=True)
@@ -187,6 +172,8 @@ class HandoverCommand:
     """Data base frames weigh by the inverse distance to this power."""
     window: int = 0
     """Frames before and after that are regressed on too."""
+    close_mm: float = 0.0
+    """How near the hand is brought to its markers after the regression; 0 leaves it alone."""
     resample: bool = False
     """Bring the query to the frame rate of the data base."""
     up: Literal["y", "z"] = "y"
@@ -202,6 +189,7 @@ class HandoverCommand:
             self.components,
             self.taps,
             self.window,
+            close_mm=self.close_mm,
         )
         base = read_database(self.database, chosen, self.mapping, self.root or None)
         query = read_markers(self.query)
@@ -220,53 +208,21 @@ class HandoverCommand:
             hand = reconstruct(base, X, Q, settings)
             bar.update(len(Q))
         trajectory = trajectory_of(base, query, Q, link, hand, settings)
-        record = self._record(base, query, names, link, trajectory)
-        self._write(base, query, names, hand, trajectory, record)
+        record = {
+            "command": "handover",
+            "settings": asdict(self),
+            "versions": versions(),
+            **record_of(base, query, names, link, trajectory),
+        }
+        self._write(base, query.rate_hz, names, hand, trajectory, record)
         if not self.quiet:
             print(f"{self.out}: {record['counts']['sentence']}")
         return 0
 
-    def _record(
-        self,
-        base: Database,
-        query: Markers,
-        names: Sequence[str],
-        link: RootLink,
-        hand: Trajectory,
-    ) -> dict[str, Any]:
-        n = {s.value: int(hand.is_status(s).sum()) for s in Status}
-        gaps = [*query.select(names).gaps(), *link.bridged]
-        sentence = (
-            f"{len(hand)} frames from {len(names)} markers: {n['tracked']} with all of them, "
-            f"{n['predicted']} with some or a bridged root, {n['lost']} with none"
-        )
-        residual = link.residual_mm[np.isfinite(link.residual_mm)]
-        return {
-            "command": "handover",
-            "settings": asdict(self),
-            "versions": versions(),
-            "counts": {**n, "sentence": sentence},
-            "database": {
-                "sources": base.sources,
-                "frames": len(base.theta),
-                "rate_hz": base.rate_hz,
-                "side": base.side,
-                "root": base.root,
-            },
-            "query": {
-                "frames": query.n_frames,
-                "rate_hz": query.rate_hz,
-                "unit": query.unit,
-                "markers": list(names),
-                "gaps": [asdict(gap) for gap in gaps],
-                "root_residual_mm": float(np.median(residual)),
-            },
-        }
-
     def _write(
         self,
         base: Database,
-        query: Markers,
+        rate_hz: float,
         names: Sequence[str],
         hand: Reconstruction,
         trajectory: Trajectory,
@@ -287,7 +243,7 @@ class HandoverCommand:
                 trajectory.palm_mm,
                 base.shape,
                 base.side,
-                1 / query.rate_hz,
+                1 / rate_hz,
                 np.eye(3) if self.up == "y" else rotation.about_x(-np.pi / 2),
             )
         except Exception:
@@ -301,6 +257,11 @@ class HandoverCommand:
 
 def _progress(total: int, unit: str, quiet: bool = False) -> "tqdm[None]":
     return tqdm(total=total, unit=unit, disable=quiet or not sys.stderr.isatty())
+
+
+def _advance(bar: "tqdm[None]", text: str) -> None:
+    bar.set_postfix_str(text, refresh=False)
+    bar.update()
 
 
 def _write_bytes(path: Path, data: bytes) -> None:

@@ -2,9 +2,10 @@
 
 Per query frame the markers that are there are regressed to the principal components of the data
 base's joint angles (:mod:`handtrack.mocap.regression`), the trajectories of the components are
-smoothed by the cone filter, and the angles are ``theta = mean + V^T z``. Components that are left
-out stay at zero and add their variance to the stated uncertainty, which is then calibrated on
-parts of the data base that are held out.
+smoothed by the cone filter, and the angles are ``theta = mean + V^T z``. If asked, the hand is then
+brought to its markers (:mod:`handtrack.mocap.closing`). Components that are left out stay at zero
+and add their variance to the stated uncertainty, which is calibrated on parts of the data base that
+are held out (:mod:`handtrack.mocap.validation`).
 
 >>> from handtrack.mocap.database import build, shipped_clip
 >>> base = build([shipped_clip("girl", seed=0)])
@@ -15,19 +16,21 @@ True
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError
-from handtrack.mocap import pca
+from handtrack.mocap import closing, pca
 from handtrack.mocap.database import SAME_RATE, Database
 from handtrack.mocap.markers import Markers
-from handtrack.mocap.regression import Regression, predict
+from handtrack.mocap.regression import predict
 from handtrack.mocap.root import RootLink, find_root
-from handtrack.mocap.smoothing import TAPS, cone
+from handtrack.mocap.settings import Handover
+from handtrack.mocap.smoothing import cone
+from handtrack.mocap.validation import angle_std, held_out
 from handtrack.records import freeze_arrays
 
 Array = NDArray[np.float64]
@@ -38,25 +41,6 @@ UNITS_FACTOR = 30.0
 SIZE_FACTOR = 2.0
 #: Frames of the data base that the uncertainty is calibrated on.
 CALIBRATION_FRAMES = 600
-
-
-@dataclass(frozen=True)
-class Handover:
-    """Settings of a reconstruction; the defaults are the paper's."""
-
-    regression: Regression = field(default_factory=Regression)
-    components: int = 0
-    """Principal components of the angles to reconstruct; 0 is all of them."""
-    taps: int = TAPS
-    """Taps of the cone filter at 120 Hz; 1 does not filter."""
-    window: int = 0
-    """Frames before and after that are regressed on too."""
-    window_step_s: float = 0.05
-    """Time between the frames of the window."""
-
-    def __post_init__(self) -> None:
-        if self.components < 0 or self.taps < 0 or self.window < 0 or self.window_step_s <= 0:
-            raise InputError("components, taps and window must not be negative")
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,38 +87,44 @@ def reconstruct(
     scores = np.concatenate(
         [cone(got.mean[a:b], base.rate_hz, settings.taps) for a, b in pairwise(bounds)]
     )
-    V = space.components
-    std = np.sqrt(got.std**2 @ V[:K] ** 2 + space.variance[K:] @ V[K:] ** 2)
+    theta, std = space.back(scores), angle_std(space, got.std)
     seen: NDArray[np.bool_] = np.asarray(np.isfinite(Q).all(axis=-1))
     for pattern in np.unique(seen[seen.any(axis=1)], axis=0):
         rows = (seen == pattern).all(axis=1)
-        std[rows] *= calibration(base, X[:, pattern], settings.regression, space, K)
-    return Reconstruction(space.back(scores), std, scores)
+        theta[rows], std[rows] = _finished(
+            base, X, Q[rows], theta[rows], std[rows], pattern, settings
+        )
+    return Reconstruction(theta, std, scores)
 
 
-def calibration(
-    base: Database, X_mm: Array, regression: Regression, space: pca.Pca, K: int
-) -> Array:
-    """What to multiply the stated deviations of the angles ``(20,)`` by, for these markers.
-
-    The ratio of the errors to the deviations stated for them, root mean square, where parts of the
-    data base are held out in turn; so markers that are missing widen the uncertainty by as much
-    as they are missed.
-    """
-    usable = np.flatnonzero(np.isfinite(X_mm).all(axis=(1, 2)))
+def _finished(
+    base: Database,
+    X_mm: Array,
+    Q_mm: Array,
+    theta: Array,
+    std: Array,
+    pattern: NDArray[np.bool_],
+    settings: Handover,
+) -> tuple[Array, Array]:
+    """Frames that show the same markers: brought to them if asked, with deviations that hold."""
+    whole = np.isfinite(X_mm[:, pattern]).all(axis=(1, 2))
+    usable = np.flatnonzero(whole)
     rows = usable[np.linspace(0, len(usable) - 1, min(CALIBRATION_FRAMES, len(usable))).astype(int)]
-    X, theta, fold = X_mm[rows], base.theta[rows], base.folds()[rows]
-    scores = space.scores(theta)[:, :K]
-    V = space.components
-    error, stated = np.zeros((2, theta.shape[1]))
-    for group in np.unique(fold):
-        held = fold == group
-        if held.all():
-            return np.ones(theta.shape[1])
-        got = predict(regression, X[~held], scores[~held], X[held])
-        error += ((space.back(got.mean) - theta[held]) ** 2).sum(axis=0)
-        stated += (got.std**2 @ V[:K] ** 2 + space.variance[K:] @ V[K:] ** 2).sum(axis=0)
-    return np.asarray(np.sqrt(error / np.maximum(stated, 1e-12)))
+    fold = base.folds()[rows]
+    if len(np.unique(fold)) < 2:
+        return theta, std
+    now = int(pattern[: X_mm.shape[1] // (1 + 2 * settings.window)].sum())
+    truth = base.theta[rows]
+    if now == 0:  # only neighbours in time are seen: nothing to close on
+        settings = replace(settings, close_mm=0.0)
+    held = held_out(settings, X_mm[rows][:, pattern], truth, fold, now)
+    if settings.close_mm > 0:
+        forward = closing.fit(X_mm[whole][:, pattern][:, :now], base.theta[whole])
+        got = forward.close(
+            Q_mm[:, pattern][:, :now], theta, held.spread, settings.close_mm, held.scale(std)
+        )
+        theta, std = got.theta, got.std
+    return theta, std * held.factor(truth)
 
 
 def windowed(X_mm: Array, starts: NDArray[np.int64], window: int, step: int) -> Array:

@@ -11,7 +11,7 @@ principal axes of the markers' pooled motion, so that the order does not depend 
 frame happens to be turned.
 
 **Greedy** (ours). The next marker is the one that most lowers the cross-validated error of the
-reconstruction itself (:mod:`handtrack.mocap.regression`).
+reconstruction itself (:mod:`handtrack.mocap.validation`).
 
 >>> rng = np.random.default_rng(0)
 >>> moves = rng.normal(size=(50, 2, 3)) * [[[1.0], [30.0]]]
@@ -26,7 +26,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from handtrack.errors import InputError
-from handtrack.mocap import pca, regression
+from handtrack.mocap import pca
+from handtrack.mocap.settings import Handover
+from handtrack.mocap.validation import held_out
 
 Array = NDArray[np.float64]
 
@@ -80,7 +82,7 @@ def greedy(
     positions_mm: ArrayLike,
     theta: ArrayLike,
     top: int,
-    settings: "regression.Regression",
+    settings: Handover,
     folds: ArrayLike,
     frames: int = 1500,
     progress: Callable[[str], None] = lambda text: None,
@@ -91,9 +93,9 @@ def greedy(
     ----------
     labels : M names.
     positions_mm : (F, M, 3) in the root's frame, nothing missing.
-    theta : (F, K) what is reconstructed, in radians.
+    theta : (F, 20) what is reconstructed, in radians.
     top : how many to rank.
-    settings : the regression to rank for.
+    settings : the reconstruction to rank for; windows of frames are not looked at.
     folds : (N,) the group of each frame; groups are held out in turn.
     frames : at most so many frames are used, evenly spaced.
     progress : is told each marker as it is chosen.
@@ -102,16 +104,22 @@ def greedy(
     -------
     Ranking
         Its shares are the fall of the error that each marker brought, from that of the mean pose.
+
+    Raises
+    ------
+    InputError
+        There is one group only: nothing to hold out.
     """
     X, Y = np.asarray(positions_mm, float), np.asarray(theta, float)
     rows = np.linspace(0, len(X) - 1, min(frames, len(X))).round().astype(int)
     X, Y, group = X[rows], Y[rows], np.asarray(folds)[rows]
-    parts = [np.flatnonzero(group == g) for g in np.unique(group)]
+    if len(np.unique(group)) < 2:
+        raise InputError(f"a greedy ranking of {len(rows)} frames: too few to hold some out")
     errors = [float(np.abs(Y - Y.mean(axis=0)).mean())]
     chosen: list[int] = []
     while len(chosen) < min(top, len(labels)):
         rest = [m for m in range(len(labels)) if m not in chosen]
-        trial = {m: cross_validated(X[:, [*chosen, m]], Y, parts, settings) for m in rest}
+        trial = {m: held_out(settings, X[:, [*chosen, m]], Y, group).error(Y) for m in rest}
         best = min(trial, key=lambda m: trial[m])
         chosen.append(best)
         errors.append(trial[best])
@@ -119,15 +127,3 @@ def greedy(
     falls = np.maximum(-np.diff(errors), 0.0)
     share = falls / max(falls.sum(), 1e-12)
     return Ranking("greedy", tuple(labels[m] for m in chosen), tuple(map(float, share)))
-
-
-def cross_validated(
-    X: Array, Y: Array, parts: Sequence[NDArray[np.int64]], settings: "regression.Regression"
-) -> float:
-    """Mean absolute error of the regression of ``Y`` on ``X``, each part predicted by the rest."""
-    errors = []
-    for held in parts:
-        kept = np.setdiff1d(np.arange(len(X)), held)
-        got = regression.predict(settings, X[kept], Y[kept], X[held])
-        errors.append(np.abs(got.mean - Y[held]).mean())
-    return float(np.mean(errors))

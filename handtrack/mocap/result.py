@@ -11,11 +11,12 @@ from handtrack import rotation
 from handtrack.hand.kinematics import keypoints_mm
 from handtrack.mocap import page
 from handtrack.mocap.database import Database
-from handtrack.mocap.handover import Handover, Reconstruction
+from handtrack.mocap.handover import Reconstruction
 from handtrack.mocap.marker_sets import MarkerSet
 from handtrack.mocap.markers import Gap, Markers
 from handtrack.mocap.ranking import Ranking
 from handtrack.mocap.root import RootLink
+from handtrack.mocap.settings import Handover
 from handtrack.records import Status
 from handtrack.trajectory import Trajectory
 
@@ -89,3 +90,34 @@ def report(
         rows = [asdict(gap) for gap in gaps[:200]]
         parts += ["<h2>Gaps</h2>", page.table(rows)]
     return page.page(f"Hand-over of {query_name}", parts)
+
+
+def record_of(
+    base: Database, query: Markers, names: Sequence[str], link: RootLink, hand: Trajectory
+) -> dict[str, Any]:
+    """What bears on a reconstruction: counts, the data base, the query and its gaps."""
+    n = {s.value: int(hand.is_status(s).sum()) for s in Status}
+    gaps = [*query.select(names).gaps(), *link.bridged]
+    sentence = (
+        f"{len(hand)} frames from {len(names)} markers: {n['tracked']} with all of them, "
+        f"{n['predicted']} with some or a bridged root, {n['lost']} with none"
+    )
+    residual = link.residual_mm[np.isfinite(link.residual_mm)]
+    return {
+        "counts": {**n, "sentence": sentence},
+        "database": {
+            "sources": base.sources,
+            "frames": len(base.theta),
+            "rate_hz": base.rate_hz,
+            "side": base.side,
+            "root": base.root,
+        },
+        "query": {
+            "frames": query.n_frames,
+            "rate_hz": query.rate_hz,
+            "unit": query.unit,
+            "markers": list(names),
+            "gaps": [asdict(gap) for gap in gaps],
+            "root_residual_mm": float(np.median(residual)),
+        },
+    }

@@ -1,5 +1,7 @@
 """Virtual markers: glued to their bones, on either hand, with noise and dropouts as asked."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -75,6 +77,15 @@ def test_markers_are_on_the_back_of_the_hand(theta):
         local = np.einsum("fba,fb->fa", palm.R, at)
         np.testing.assert_allclose(local, np.tile(local[0], (len(local), 1)), atol=1e-8)
         assert local[0, 2] < -10
+
+
+def test_the_places_are_the_skeletons_and_not_the_clips(theta):
+    whole = motion_of(theta)
+    markers = attach(whole, find_mapping(whole), FULL)
+    for rows in (slice(0, 40), slice(60, None, 3)):
+        part = replace(whole, values=whole.values[rows])
+        got = attach(part, find_mapping(part), FULL)
+        np.testing.assert_allclose(got.positions_mm, markers.positions_mm[rows], atol=0.05)
 
 
 def test_a_left_hand_has_the_mirrored_markers(theta):

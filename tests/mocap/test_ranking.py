@@ -10,7 +10,7 @@ from handtrack.hand.shape import HandShape
 from handtrack.hand.skeleton import KEYPOINT_NAMES, LIMITS
 from handtrack.mocap import pca
 from handtrack.mocap.ranking import greedy, rank
-from handtrack.mocap.regression import Regression
+from handtrack.mocap.settings import Handover
 
 FOLDS = np.arange(400) // 100
 
@@ -71,8 +71,8 @@ def test_fingertips_come_before_knuckles(hands):
 
 def test_greedy_is_nested_and_beats_the_worst_set(hands):
     labels, X, theta = hands
-    three = greedy(labels, X, theta, 3, Regression(), FOLDS, frames=200)
-    two = greedy(labels, X, theta, 2, Regression(), FOLDS, frames=200)
+    three = greedy(labels, X, theta, 3, Handover(), FOLDS, frames=200)
+    two = greedy(labels, X, theta, 2, Handover(), FOLDS, frames=200)
     assert three.top(2) == two.order
     assert len(set(three.order)) == 3
 
