@@ -1,4 +1,4 @@
-"""``handtrack run``: a clip in, a folder of results out.
+"""``handtrack run``: a clip or a camera in, a folder of results out.
 
 The loop is five lines: read a frame, track it, count it, write it, show how far we are. Decoding
 runs ahead in one thread and the overlay is drawn and encoded in another; nothing but the counts
@@ -10,11 +10,10 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import numpy as np
 import tyro
 from tqdm import tqdm
 
@@ -23,17 +22,16 @@ from handtrack.bench.tracks import read_truth
 from handtrack.camera import Camera
 from handtrack.errors import InputError
 from handtrack.evidence.orientation import Image
-from handtrack.evidence.video import Limits, VideoInfo, probe, read_frames
-from handtrack.hand.outline import outline_px
+from handtrack.evidence.video import Limits, VideoInfo
 from handtrack.hand.shape import HandShape
 from handtrack.hand.space import default as default_space
-from handtrack.hand.surface import Capsules
 from handtrack.layers import layers_of, seen_by
-from handtrack.output.drawing import draw_result
 from handtrack.output.folder import RunFolder
-from handtrack.output.provenance import Counts, main_side, versions
+from handtrack.output.provenance import main_side, versions
 from handtrack.output.report.curves import TrueMotion
-from handtrack.records import Frame, FrameResult, Pose, Status
+from handtrack.picture import drawn
+from handtrack.records import Frame, FrameResult, Status
+from handtrack.source import ClipSource, Source, is_camera, open_source
 from handtrack.stages import stage_picture, write_picture
 from handtrack.stop import StopAsked, stop_signals
 from handtrack.threads import linear_algebra_on_one_thread
@@ -54,7 +52,7 @@ class RunSettings:
     """
 
     clip: tyro.conf.Positional[Path]
-    """A video file."""
+    """A video file, or the number of a camera (0 is the first)."""
     out: Path | None = None
     """Folder for the results; default: the clip's name with .handtrack, here."""
     hand: Path | None = None
@@ -88,7 +86,11 @@ class RunSettings:
     max_megapixels: float = 40.0
     """Refuse larger frames."""
     max_minutes: float = 180.0
-    """Refuse longer clips."""
+    """Refuse longer clips; a camera ends there."""
+    port: int = 8642
+    """Of the page that shows a camera's picture; 0 takes a free one."""
+    open: bool = False
+    """Open that page in the browser."""
     config: Path | None = None
     """A TOML file with any of these settings; the command line beats it."""
 
@@ -98,6 +100,11 @@ class RunSettings:
         print(report.last_line)
         return report.exit_code
 
+    @property
+    def limits(self) -> Limits:
+        """What is refused before anything is allocated."""
+        return Limits(self.max_megapixels, self.max_minutes)
+
     def check(self) -> None:
         """Refuse what no flag's type can.
 
@@ -106,8 +113,6 @@ class RunSettings:
         InputError
             A number is out of its range.
         """
-        if str(self.clip).isdigit() and not self.clip.exists():
-            raise InputError(f"camera {self.clip}: live cameras are not read; give a video file")
         for name in ("start_frame", "seed"):
             if getattr(self, name) < 0:
                 raise InputError(f"--{name.replace('_', '-')} {getattr(self, name)} is negative")
@@ -145,10 +150,19 @@ def run_clip(settings: RunSettings, make: MakeTracker = make_tracker) -> RunRepo
     OutputError
         The results cannot be written; what could be is kept.
     """
-    info, limits, camera, tracker = _prepared(settings, make)
+    settings.check()
+    with closing(
+        open_source(settings.clip, settings.limits, settings.port, settings.open)
+    ) as source:
+        return _run(settings, make, source)
+
+
+def _run(settings: RunSettings, make: MakeTracker, source: Source) -> RunReport:
+    info = source.info
+    camera, tracker = _prepared(settings, make, info)
     truth = _truth(settings)
-    folder = RunFolder(settings.out or Path(f"{settings.clip.stem}.handtrack"))
-    report = RunReport(settings.clip, folder.path, Counts(container=info.n_claimed))
+    folder = RunFolder(settings.out or source.out)
+    report = RunReport(info.path, folder.path, source.counts)
     if settings.overlay:
         size = (info.width_px, info.height_px)
         folder.film(size, info.time_base, settings.clip if info.has_audio else None)
@@ -157,9 +171,8 @@ def run_clip(settings: RunSettings, make: MakeTracker = make_tracker) -> RunRepo
         folder.report(size, getattr(tracker, "space", None) or default_space(), truth)
     begin = time.perf_counter()
     try:
-        frames = read_frames(settings.clip, limits, info)
-        with closing(frames), linear_algebra_on_one_thread(), stop_signals() as asked:
-            _track(frames, settings, tracker, camera, folder, report, asked)
+        with linear_algebra_on_one_thread(), stop_signals() as asked:
+            _track(source, settings, tracker, camera, folder, report, asked)
     except BaseException as error:
         stopped = isinstance(error, KeyboardInterrupt)
         report.state = "interrupted" if stopped else f"failed: {type(error).__name__}"
@@ -193,12 +206,15 @@ def track(clip: str | Path, make: MakeTracker = make_tracker, **settings: Any) -
         The clip, the hand, the camera or a setting cannot be used.
     """
     chosen = RunSettings(Path(clip), **settings)
-    info, limits, camera, tracker = _prepared(chosen, make)
-    frames = read_frames(chosen.clip, limits, info)
-    with closing(frames), linear_algebra_on_one_thread():
+    chosen.check()
+    if is_camera(chosen.clip):
+        raise InputError(f"camera {clip}: has no end; Tracker.step follows it frame by frame")
+    source = ClipSource(chosen.clip, chosen.limits)
+    camera, tracker = _prepared(chosen, make, source.info)
+    with closing(source.frames()) as frames, linear_algebra_on_one_thread():
         results = [_result(frame, chosen, tracker) for frame in frames]
     provenance = {
-        "clip": info.path.name,
+        "clip": source.info.path.name,
         "hand_calibrated": tracker.shape.calibrated,
         "camera_assumed": camera.assumed,
         "versions": versions(),
@@ -207,19 +223,16 @@ def track(clip: str | Path, make: MakeTracker = make_tracker, **settings: Any) -
 
 
 def _prepared(
-    settings: RunSettings, make: MakeTracker
-) -> tuple[VideoInfo, Limits, Camera, TrackerLike]:
-    """Everything that can be refused before a frame is tracked."""
-    settings.check()
-    limits = Limits(settings.max_megapixels, settings.max_minutes)
-    info = probe(settings.clip, limits)
+    settings: RunSettings, make: MakeTracker, info: VideoInfo
+) -> tuple[Camera, TrackerLike]:
+    """Everything else that can be refused before a frame is tracked."""
     camera = _camera(settings, info)
     shape = HandShape.load(settings.hand) if settings.hand else None
-    return info, limits, camera, make(settings, camera, shape)
+    return camera, make(settings, camera, shape)
 
 
 def _track(
-    frames: Iterator[Frame],
+    source: Source,
     settings: RunSettings,
     tracker: TrackerLike,
     camera: Camera,
@@ -228,14 +241,17 @@ def _track(
     asked: StopAsked,
 ) -> None:
     """The loop over the frames."""
-    with tqdm(total=report.counts.container, unit="frame", disable=_no_bar(settings)) as bar:
+    off = settings.quiet or not sys.stderr.isatty()
+    total = report.counts.container
+    with closing(source.frames()) as frames, tqdm(total=total, unit="frame", disable=off) as bar:
         for frame in _timed(frames, report.timings_ms["wait for frame"]):
             begin = time.perf_counter()
             result = _result(frame, settings, tracker)
             tracked = time.perf_counter()
             report.counts.add(result.status)
             report.sides[result.side] += 1
-            folder.add(result, partial(_drawn, frame, result, tracker.shape, camera))
+            draw = partial(drawn, frame, result, tracker.shape, camera)
+            folder.add(result, source.shown(draw))
             layers = partial(layers_of, seen_by(tracker, frame.index), result, camera)
             folder.show(result, frame.image, layers, 1e3 * (tracked - begin))
             if settings.debug is not None and _is_chosen(settings, frame):
@@ -245,7 +261,7 @@ def _track(
             report.timings_ms["hand over"].append(1e3 * (time.perf_counter() - tracked))
             bar.update()
             if asked:
-                report.state = "interrupted"
+                report.state = source.state_when_stopped
                 return
 
 
@@ -267,24 +283,7 @@ def _is_chosen(settings: RunSettings, frame: Frame) -> bool:
 def _stages(frame: Frame, result: FrameResult, tracker: TrackerLike, camera: Camera) -> Image:
     """The picture of a frame's stages."""
     evidence = getattr(tracker, "last_evidence", None) if result.side else None
-    return stage_picture(evidence, _drawn(frame, result, tracker.shape, camera))
-
-
-def _drawn(frame: Frame, result: FrameResult, shape: HandShape, camera: Camera) -> Image:
-    """The picture of a frame for the film; called in the film's thread."""
-    if frame.image is None:
-        image = np.zeros((camera.height_px, camera.width_px, 3), np.uint8)
-    else:
-        image = frame.image.copy()
-    pose = Pose(result.R, result.t_mm)
-    outline = outline_px(result.theta, pose, result.side, _surface(shape), camera)
-    draw_result(image, result, outline)
-    return image
-
-
-@lru_cache(maxsize=2)
-def _surface(shape: HandShape) -> Capsules:
-    return Capsules(shape)
+    return stage_picture(evidence, drawn(frame, result, tracker.shape, camera))
 
 
 def _truth(settings: RunSettings) -> TrueMotion | None:
@@ -323,7 +322,3 @@ def _timed(frames: Iterator[Frame], into: list[float]) -> Iterator[Frame]:
             return
         into.append(1e3 * (time.perf_counter() - begin))
         yield frame
-
-
-def _no_bar(settings: RunSettings) -> bool:
-    return settings.quiet or not sys.stderr.isatty()

@@ -27,6 +27,7 @@ OURS = {
     "quiet": "the batch has one progress bar for all",
     "debug": "the pictures of all clips would go to one folder",
     "debug_frames": "the pictures of all clips would go to one folder",
+    "truth": "every clip has a truth of its own",
     "port": "it is of live cameras",
     "open": "it is of live cameras",
 }
