@@ -49,6 +49,7 @@ COMMANDS: dict[str, str] = {
     "calibrate camera": "calib.commands:CalibrateCamera",
     "calibrate hand": "calib.commands:CalibrateHand",
     "demo": "synth.commands:Demo",
+    "export": "handtrack.output.export:Export",
     "handover": "handtrack.mocap.commands:HandoverCommand",
     "markers attach": "handtrack.mocap.commands:MarkersAttach",
     "markers rank": "handtrack.mocap.commands:MarkersRank",

@@ -2,13 +2,24 @@
 
 A :class:`Trajectory` holds ``F`` frames of the 20 angles, the palm pose and the 21 keypoints, with
 their time stamps, status and uncertainty, as read-only arrays in which NaN is "not known".
-Filters and gap bridging are plain functions in :mod:`handtrack.smoothing`.
+What a method does to it is a plain function in :mod:`handtrack.smoothing`; each gives a new
+trajectory and notes itself in its provenance.
 
 >>> import numpy as np
 >>> from handtrack.records import FrameResult
->>> hand = Trajectory.from_results([FrameResult.unknown(k, k / 25) for k in range(4)])
+>>> rows = [FrameResult.unknown(k, k / 25) for k in range(4)]
+>>> rows[1:] = [replace(row, theta=np.full(20, row.time_s), status=Status.TRACKED, R=np.eye(3))
+...             for row in rows[1:]]  # a hand that closes at 1 rad/s, seen from the second frame on
+>>> hand = Trajectory.from_results(rows)
 >>> len(hand), hand.status.tolist(), hand[1:3].frame.tolist()
-(4, ['lost', 'lost', 'lost', 'lost'], [1, 2])
+(4, ['lost', 'tracked', 'tracked', 'tracked'], [1, 2])
+>>> hand.joint_velocity()[:, 0].round(6).tolist()
+[nan, nan, 1.0, 1.0]
+>>> fine = hand.resample(50.0)
+>>> fine.theta[:, 0].round(6).tolist(), fine.status[:3].tolist()
+([nan, nan, 0.04, 0.06, 0.08, 0.1, 0.12], ['lost', 'lost', 'tracked'])
+>>> fine.smooth(0.1).provenance
+mappingproxy({'steps': ['resample to 50 Hz', 'smooth 0.1 s']})
 """
 
 import json
@@ -104,8 +115,19 @@ class Trajectory:
     def __len__(self) -> int:
         return len(self.frame)
 
-    def __getitem__(self, rows: slice | NDArray[Any]) -> "Trajectory":
-        """The frames of a slice, a mask or an index array."""
+    def __getitem__(self, rows: int | slice | NDArray[Any]) -> "Trajectory":
+        """The frames of a slice, a mask or an index array; one frame of a whole number.
+
+        Rows count from 0; ``hand.frame`` has the numbers of the frames in the clip.
+
+        Raises
+        ------
+        IndexError
+            There is no such row.
+        """
+        if isinstance(rows, int | np.integer):
+            k = range(len(self))[rows]
+            rows = slice(k, k + 1)
         return replace(self, **{name: getattr(self, name)[rows] for name in FRAME_SHAPES})
 
     def __iter__(self) -> Iterator["Trajectory"]:
@@ -125,6 +147,48 @@ class Trajectory:
         """Mask ``(F,)`` of the frames of these statuses."""
         return np.isin(self.status, [status.value for status in statuses])
 
+    def smooth(self, width_s: float) -> "Trajectory":
+        """Everything averaged with a centred cone ``width_s`` wide; what is unknown stays so.
+
+        Raises
+        ------
+        InputError
+            The width is not positive, or time does not increase.
+        """
+        from handtrack import smoothing
+
+        return smoothing.smooth(self, width_s)
+
+    def bridge_gaps(self, longest_s: float) -> "Trajectory":
+        """Gaps of at most ``longest_s`` filled in between; those frames become ``predicted``."""
+        from handtrack import smoothing
+
+        return smoothing.bridge_gaps(self, longest_s)
+
+    def resample(self, rate_hz: float) -> "Trajectory":
+        """At a constant rate, turns along the shortest arc; a gap stays a gap.
+
+        Raises
+        ------
+        InputError
+            The rate is not positive, or time does not increase.
+        """
+        from handtrack import smoothing
+
+        return smoothing.resample(self, rate_hz)
+
+    def joint_velocity(self) -> Array:
+        """Velocities ``(F, 20)`` of the angles, rad/s; NaN in and beside a gap.
+
+        Raises
+        ------
+        InputError
+            Time does not increase.
+        """
+        from handtrack import smoothing
+
+        return smoothing.joint_velocity(self)
+
     def save(self, path: str | Path) -> None:
         """Write everything to one ``.npz`` (no pickle in it).
 
@@ -142,13 +206,20 @@ class Trajectory:
 
     @classmethod
     def load(cls, path: str | Path) -> "Trajectory":
-        """Read what :meth:`save` wrote.
+        """Read what :meth:`save` wrote, or the folder of a run.
+
+        The tables of a folder are rounded (0.0001 deg, 0.0001 mm, 0.001 px); its ``run.json``
+        becomes the provenance.
 
         Raises
         ------
         InputError
-            The file is missing, or is not a trajectory.
+            The file is missing or is no trajectory; the folder is none of a run, or damaged.
         """
+        if Path(path).is_dir():
+            from handtrack.tables import read_run
+
+            return read_run(path)
         try:
             with np.load(path, allow_pickle=False) as document:
                 arrays = {name: document[name] for name in FRAME_SHAPES}
@@ -158,8 +229,10 @@ class Trajectory:
         except (OSError, ValueError, KeyError, EOFError) as error:
             raise InputError(f"{path}: is not a trajectory ({error})") from error
 
-    def to_dataframe(self) -> "pd.DataFrame":
+    def to_dataframe(self, keypoints: bool = False) -> "pd.DataFrame":
         """The columns of ``angles.csv`` as a pandas table (degrees; NaN is not known).
+
+        With ``keypoints`` those of ``keypoints.csv`` follow.
 
         Raises
         ------
@@ -170,7 +243,7 @@ class Trajectory:
             import pandas as pd
         except ImportError as error:
             raise InputError("to_dataframe needs pandas: pip install pandas") from error
-        return pd.DataFrame(angle_columns(self))
+        return pd.DataFrame(angle_columns(self) | (keypoint_columns(self) if keypoints else {}))
 
 
 def angle_columns(hand: Trajectory) -> dict[str, NDArray[Any]]:

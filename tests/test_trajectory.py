@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation, Slerp
 
 from handtrack import rotation
 from handtrack.errors import InputError, OutputError
+from handtrack.output.provenance import write_provenance
+from handtrack.output.table import TableWriter
 from handtrack.records import FrameResult, Status
 from handtrack.smoothing import (
     bridge_gaps,
@@ -14,7 +17,8 @@ from handtrack.smoothing import (
     smooth,
     smooth_values,
 )
-from handtrack.trajectory import FRAME_SHAPES, Trajectory
+from handtrack.tables import ANGLES_CSV, KEYPOINTS_CSV, RUN_JSON
+from handtrack.trajectory import FRAME_SHAPES, Trajectory, angle_columns, keypoint_columns
 
 SPIN = np.array([0.3, -1.1, 0.7])  # rad/s, camera frame
 RATE = np.linspace(-1, 1, 20)  # rad/s
@@ -187,3 +191,86 @@ def test_time_must_increase():
         smooth(hand_of([0, 0.04, 0.04, 0.08]), 0.2)
     with pytest.raises(InputError, match="not positive"):
         smooth(hand_of(TIMES_S), 0)
+
+
+def test_a_whole_number_gives_one_frame():
+    hand = hand_of(TIMES_S)
+    assert hand[3].frame.tolist() == [3]
+    assert hand[-1].frame.tolist() == [9]
+    with pytest.raises(IndexError):
+        hand[10]
+
+
+def test_resampled_turns_are_exact_for_a_steady_turn():
+    hand = hand_of(np.arange(6) * 0.4)  # half a radian from frame to frame
+    fine = hand.resample(50)
+    turn = rotation.angle_between(fine.palm_R, rotation.exp(SPIN * fine.time_s[:, None]))
+    assert turn.max() < 1e-7
+
+
+def test_slerp_against_scipy():
+    rng = np.random.default_rng(5)
+    a = rotation.to_quaternion(rotation.exp(rng.normal(size=(50, 3))))
+    b = rotation.to_quaternion(rotation.exp(rng.normal(size=(50, 3))))
+    b[:10] = rotation.to_quaternion(
+        rotation.exp(1e-7 * rng.normal(size=(10, 3))) @ rotation.from_quaternion(a[:10])
+    )
+    b[10] = a[10]
+    s = rng.random(50)
+    got = rotation.from_quaternion(rotation.slerp(a, b, s))
+    for k in range(50):
+        ends = Rotation.from_quat(np.roll([a[k], b[k]], -1, axis=1))
+        wanted = Slerp([0, 1], ends)(s[k]).as_matrix()
+        np.testing.assert_allclose(got[k], wanted, atol=1e-12)
+
+
+@pytest.mark.parametrize("times_s", [TIMES_S, np.arange(10) * 0.04])
+def test_no_velocity_in_or_beside_a_gap(times_s):
+    hand = hand_of(times_s, lost={4})
+    unknown = [3, 4, 5]
+    for velocity in (hand.joint_velocity(), palm_angular_velocity(hand)):
+        assert np.flatnonzero(~np.isfinite(velocity).all(axis=1)).tolist() == unknown
+        assert np.flatnonzero(~np.isfinite(velocity).any(axis=1)).tolist() == unknown
+
+
+def test_velocity_of_a_parabola_is_exact_inside_whatever_the_steps():
+    hand = hand_of(TIMES_S)
+    fields = {name: getattr(hand, name) for name in FRAME_SHAPES}
+    curved = Trajectory(**fields | {"theta": np.outer(TIMES_S**2, np.ones(20))})
+    np.testing.assert_allclose(curved.joint_velocity()[1:-1, 0], 2 * TIMES_S[1:-1], atol=1e-12)
+
+
+def test_methods_are_the_functions():
+    hand = hand_of(TIMES_S, lost={4})
+    for one, other in (
+        (hand.smooth(0.2), smooth(hand, 0.2)),
+        (hand.resample(60), resample(hand, 60)),
+        (hand.bridge_gaps(0.2), bridge_gaps(hand, 0.2)),
+    ):
+        assert one.provenance == other.provenance
+        for name in FRAME_SHAPES:
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+
+
+def test_folder_of_a_run_is_loaded_with_its_record(tmp_path):
+    hand = hand_of(np.round(TIMES_S, 6), lost={4})
+    for name, columns in ((ANGLES_CSV, angle_columns), (KEYPOINTS_CSV, keypoint_columns)):
+        table = TableWriter(tmp_path / name, columns)
+        table.write(hand)
+        table.finish()
+    with pytest.raises(InputError, match=r"no folder of a run \(it has no run\.json\)"):
+        Trajectory.load(tmp_path)
+    write_provenance(tmp_path / RUN_JSON, {"clip": "a.mp4"})
+    back = Trajectory.load(tmp_path)
+    assert back.provenance["clip"] == "a.mp4"
+    np.testing.assert_array_equal(back.status, hand.status)
+    np.testing.assert_allclose(back.theta, hand.theta, atol=1e-6)
+    np.testing.assert_allclose(back.keypoints_mm, hand.keypoints_mm, atol=6e-5)
+
+
+def test_dataframe_with_keypoints_has_both_tables():
+    pytest.importorskip("pandas")
+    hand = hand_of(TIMES_S)
+    table = hand.to_dataframe(keypoints=True)
+    assert table.columns.is_unique
+    assert set(table.columns) == {*angle_columns(hand), *keypoint_columns(hand)}

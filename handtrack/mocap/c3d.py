@@ -66,8 +66,12 @@ def write_c3d(markers: Markers, path: Path) -> None:
     point["RATE"]["value"] = [float(markers.rate_hz)]
     point["LABELS"]["value"] = list(markers.labels)
     points = np.ones((4, len(markers.labels), markers.n_frames))
-    points[:3] = markers.positions_mm.transpose(2, 1, 0)
+    seen = markers.seen.T  # (M, F)
+    points[:3] = np.where(seen, markers.positions_mm.transpose(2, 1, 0), 0.0)
     file["data"]["points"] = points
+    # a residual of -1 is how C3D says that a point was not seen
+    file["data"]["meta_points"]["residuals"] = np.where(seen, 0.0, -1.0)[None]
+    file["data"]["meta_points"]["camera_masks"] = np.zeros((7, *seen.shape), bool)
     file.write(str(path))
 
 

@@ -17,12 +17,20 @@ from typing import Any
 
 import numpy as np
 
-from handtrack.errors import InputError
 from handtrack.output.files import open_whole
 from handtrack.records import Status
+from handtrack.tables import FORMAT, RUN_JSON, read_provenance
 
-RUN_JSON = "run.json"
-FORMAT = "handtrack-run"
+__all__ = [
+    "RUN_JSON",
+    "Counts",
+    "main_side",
+    "medians_ms",
+    "read_provenance",
+    "versions",
+    "write_provenance",
+]
+
 FORMAT_VERSION = 1
 
 _PACKAGES = ("handtrack", "av", "numba", "numpy", "opencv-contrib-python-headless", "scipy")
@@ -92,24 +100,6 @@ def write_provenance(path: Path, record: Mapping[str, Any]) -> None:
     document = {"format": FORMAT, "version": FORMAT_VERSION} | dict(record)
     with open_whole(path) as file:
         file.write(json.dumps(_plain(document), indent=2, ensure_ascii=False) + "\n")
-
-
-def read_provenance(folder: str | Path) -> dict[str, Any]:
-    """What ``run.json`` in ``folder`` says.
-
-    Raises
-    ------
-    InputError
-        There is none, or it is not ours.
-    """
-    path = Path(folder) / RUN_JSON
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read ({error})") from error
-    if not isinstance(document, dict) or document.get("format") != FORMAT:
-        raise InputError(f"{path}: not the record of a run (its 'format' is not '{FORMAT}')")
-    return document
 
 
 def _plain(value: Any) -> Any:

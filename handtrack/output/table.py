@@ -9,21 +9,19 @@ that did not fit and no more.
 ('0.333333', '0.0000', '')
 """
 
-import csv
 import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.errors import InputError, OutputError
-from handtrack.hand.skeleton import ANGLE_NAMES, KEYPOINT_NAMES
+from handtrack.errors import OutputError
 from handtrack.output.files import hidden_beside, put_in_place
-from handtrack.trajectory import Trajectory, angle_columns, keypoint_columns
+from handtrack.tables import ANGLES_CSV, KEYPOINTS_CSV, read_tables
+from handtrack.trajectory import Trajectory
 
-ANGLES_CSV, KEYPOINTS_CSV = "angles.csv", "keypoints.csv"
+__all__ = ["ANGLES_CSV", "KEYPOINTS_CSV", "TableWriter", "cell", "read_tables"]
 
 _DECIMALS = {"s": 6, "deg": 4, "mm": 4, "px": 3, "confidence": 4, "ess": 2}
 _QUATERNION_DECIMALS = 8
@@ -92,61 +90,3 @@ class TableWriter:
             self._broken = True
             raise OutputError(f"{self._path}: cannot be written ({error.strerror})") from error
         self._n_good = self._file.tell()
-
-
-def read_tables(folder: str | Path) -> Trajectory:
-    """The trajectory in the two tables of ``folder``.
-
-    Raises
-    ------
-    InputError
-        A table is missing, has other columns, or a value is no number.
-    """
-    angles = _read(Path(folder) / ANGLES_CSV, angle_columns)
-    points = _read(Path(folder) / KEYPOINTS_CSV, keypoint_columns)
-    if angles["frame"] != points["frame"]:
-        raise InputError(f"{folder}: {ANGLES_CSV} and {KEYPOINTS_CSV} are of different frames")
-    try:
-        return _trajectory(angles, points)
-    except ValueError as error:
-        raise InputError(f"{folder}: a value in the tables is no number ({error})") from error
-
-
-def _trajectory(angles: dict[str, list[str]], points: dict[str, list[str]]) -> Trajectory:
-    def numbers(table: dict[str, list[str]], names: list[str]) -> NDArray[np.float64]:
-        return np.array([[float(x or "nan") for x in table[n]] for n in names]).T
-
-    def keypoints(axes: str, unit: str) -> NDArray[np.float64]:
-        names = [f"{name}_{axis}_{unit}" for name in KEYPOINT_NAMES for axis in axes]
-        return numbers(points, names).reshape(-1, len(KEYPOINT_NAMES), len(axes))
-
-    return Trajectory(
-        frame=np.array(angles["frame"], dtype=np.int64),
-        time_s=numbers(angles, ["time_s"])[:, 0],
-        status=np.array(angles["status"], dtype=np.str_),
-        side=np.array(angles["side"], dtype=np.str_),
-        confidence=numbers(angles, ["confidence"])[:, 0],
-        ess=numbers(angles, ["ess"])[:, 0],
-        palm_mm=numbers(angles, [f"palm_{axis}_mm" for axis in "xyz"]),
-        palm_wxyz=numbers(angles, [f"palm_q{axis}" for axis in "wxyz"]),
-        theta=np.radians(numbers(angles, [f"{name}_deg" for name in ANGLE_NAMES])),
-        theta_std=np.radians(numbers(angles, [f"{name}_std_deg" for name in ANGLE_NAMES])),
-        keypoints_px=keypoints("xy", "px"),
-        keypoints_mm=keypoints("xyz", "mm"),
-    )
-
-
-def _read(path: Path, columns: Callable[[Trajectory], Columns]) -> dict[str, list[str]]:
-    """The columns of a table as text."""
-    try:
-        with open(path, encoding="utf-8", newline="") as file:
-            header, *rows = list(csv.reader(file)) or [[]]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: cannot be read ({error})") from error
-    wanted = list(columns(Trajectory.from_results([])))
-    if header != wanted:
-        missing = sorted(set(wanted) - set(header)) or ["none, but their order is another"]
-        raise InputError(f"{path}: has other columns than a table of ours (missing: {missing[0]})")
-    if any(len(row) != len(wanted) for row in rows):
-        raise InputError(f"{path}: a row has not {len(wanted)} fields")
-    return {name: [row[k] for row in rows] for k, name in enumerate(header)}

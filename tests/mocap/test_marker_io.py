@@ -145,3 +145,13 @@ def test_resampling_keeps_a_straight_line_straight_and_gaps_missing():
     double = Markers(("a",), x, 100.0).resampled(200.0)
     np.testing.assert_allclose(double.positions_mm[:4, 0, 0], [0, 0.5, 1, 1.5])
     assert np.isnan(double.positions_mm[19:22]).all()
+
+
+def test_c3d_says_unseen_by_its_residual(tmp_path):
+    ezc3d = pytest.importorskip("ezc3d")
+    positions = np.arange(12.0).reshape(2, 2, 3)
+    positions[1, 0] = np.nan
+    write_markers(Markers(("a", "b"), positions, 30.0), tmp_path / "a.c3d")
+    residuals = ezc3d.c3d(str(tmp_path / "a.c3d"))["data"]["meta_points"]["residuals"][0].T
+    assert residuals.tolist() == [[0, 0], [-1, 0]]
+    np.testing.assert_allclose(read_markers(tmp_path / "a.c3d").positions_mm, positions)
