@@ -20,6 +20,7 @@ from handtrack.mocap.database import Database, read_database
 from handtrack.mocap.handover import (
     Reconstruction,
     check_query,
+    check_side,
     columns,
     in_root,
     reconstruct,
@@ -202,6 +203,7 @@ class HandoverCommand:
             ]
             X = columns(base, query.labels, names)
             Q, link = in_root(base, query, names)
+            check_side(base, Q, names)
         except InputError as error:
             raise InputError(f"{self.query}: {error}") from error
         with _progress(len(Q), "frames", self.quiet) as bar:

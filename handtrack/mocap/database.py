@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
 
 from handtrack.errors import InputError
 from handtrack.hand.shape import HandShape
@@ -37,8 +38,10 @@ Array = NDArray[np.float64]
 
 #: Two rates count as one when they differ by less than this share.
 SAME_RATE = 0.005
-#: A data base of so many clips is cross-validated clip by clip.
-MIN_FOLDS = 3
+#: A data base of so many clips is cross-validated clip by clip, a smaller one by so many groups of
+#: alike poses.
+MIN_FOLDS, POSE_FOLDS = 3, 6
+_ROUNDS = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,11 +82,28 @@ class Database:
         freeze_arrays(self)
 
     def folds(self) -> NDArray[np.int64]:
-        """What to hold out together in a cross-validation ``(N,)``: a clip, or of few a quarter."""
-        rows = np.arange(len(self.theta))
+        """What to hold out together in a cross-validation ``(N,)``: a clip.
+
+        Fewer than three clips often show the same poses again (an alphabet signed twice), and a
+        part of them would be too easily told from the rest: then groups of alike poses.
+        """
         if len(self.starts) >= MIN_FOLDS:
+            rows = np.arange(len(self.theta))
             return np.asarray(np.searchsorted(self.starts, rows, side="right") - 1)
-        return rows * 4 // len(rows)
+        return alike(self.theta, POSE_FOLDS)
+
+
+def alike(theta: Array, groups: int) -> NDArray[np.int64]:
+    """The group ``(N,)`` of each pose ``(N, K)``: k-means, begun from poses that are far apart."""
+    centres = theta[:1]
+    while len(centres) < min(groups, len(theta)):
+        far = cdist(theta, centres).min(axis=1).argmax()
+        centres = np.vstack([centres, theta[far]])
+    for _ in range(_ROUNDS):
+        nearest = cdist(theta, centres).argmin(axis=1)
+        kept = np.unique(nearest)
+        centres = np.stack([theta[nearest == group].mean(axis=0) for group in kept])
+    return np.asarray(cdist(theta, centres).argmin(axis=1))
 
 
 def shipped_clip(

@@ -200,3 +200,28 @@ def in_root(base: Database, query: Markers, chosen: Sequence[str]) -> tuple[Arra
     """The chosen markers of a query ``(F, M, 3)`` in the root's frame, and where the root is."""
     link = find_root(query.select(base.root).positions_mm, base.reference_mm)
     return link.to_root(query.select(chosen).positions_mm), link
+
+
+def check_side(base: Database, Q_mm: Array, chosen: Sequence[str]) -> None:
+    """Refuse the other hand: its root markers fit when flipped, and put it behind their plane.
+
+    Parameters
+    ----------
+    Q_mm : (F, M, 3) the chosen markers of the query in the root's frame.
+
+    Raises
+    ------
+    InputError
+        The markers lie where the data base's mirror image has them.
+    """
+    middle = base.reference_mm.mean(axis=0)
+    normal = np.linalg.svd(base.reference_mm - middle)[2][2]
+    X = columns(base, base.labels, chosen)
+    usual, here = (np.nanmedian(P.reshape(-1, len(chosen), 3), axis=0) for P in (X, Q_mm))
+    flipped = usual - 2 * ((usual - middle) @ normal)[:, None] * normal
+    apart, apart_flipped = (np.nanmean(np.linalg.norm(here - P, axis=1)) for P in (usual, flipped))
+    if apart_flipped < 0.5 * apart:
+        raise InputError(
+            f"the markers lie as the mirror image of the data base's {base.side} hand: "
+            "is the query the other hand?"
+        )

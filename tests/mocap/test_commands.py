@@ -172,6 +172,29 @@ def test_two_root_markers_asked_for(stage, capsys):
     refused(capsys, stage[0] / "no", code, "2 root markers")
 
 
+def test_the_other_hand(stage, tmp_path, capsys):
+    write_motion(tmp_path / "left.bvh", ["1", "3"], 3, side="left")
+    words = ["handover", str(stage[0] / "q.c3d"), "--database", str(tmp_path / "left.bvh")]
+    code = main([*words, "--out", str(tmp_path / "no")])
+    refused(capsys, tmp_path / "no", code, "mirror image", "left hand")
+
+
+def test_greedy_ranking_and_closing_from_the_shell(stage, tmp_path, capsys):
+    folder, theta = stage
+    base = str(folder / "base.bvh")
+    words = ["markers", "rank", base, "--method", "greedy", "--top", "2", "--power", "3"]
+    assert main([*words, "--close-mm", "0.2", "-o", str(tmp_path / "r.png")]) == 0
+    said = capsys.readouterr().out
+    assert said.count("*") == 2
+    off = {}
+    for close_mm in (0, 0.2):
+        more = ["--markers", SIX, "--power", "3", "--close-mm", close_mm]
+        assert handover(stage, folder / "q.c3d", *more, out=f"close{close_mm}") == 0
+        found = read_angles(folder / f"close{close_mm}" / "angles.csv")[1]
+        off[close_mm] = np.abs(found - np.degrees(theta)).mean()
+    assert off[0.2] < 0.8 * off[0]
+
+
 def test_metres_taken_for_mm(stage, tmp_path, capsys):
     m = read_markers(stage[0] / "q.c3d")
     write_markers(Markers(m.labels, m.positions_mm / 1000, m.rate_hz), tmp_path / "q.c3d")
