@@ -137,7 +137,7 @@ def cluster_pose_six(base: Database, rng: np.random.Generator, size: int = 6) ->
 def tuned(
     base: Database,
     chosen: Sequence[str],
-    frames: int = 800,
+    frames: int = 600,
     grid: Mapping[str, Sequence[float]] = GRID,
 ) -> Handover:
     """The settings of a grid with the least cross-validated error on the data base."""
@@ -183,7 +183,7 @@ def marker_sets(
     yield "greedy 3, tuned", steps.top(3), tuned(base, steps.top(3))
 
 
-def greedy_for(base: Database, settings: Handover, frames: int = 500) -> Ranking:
+def greedy_for(base: Database, settings: Handover, frames: int = 400) -> Ranking:
     """The six markers that a greedy ranking picks for these settings."""
     return greedy(base.labels, base.X_mm, base.theta, 6, settings, base.folds(), frames)
 

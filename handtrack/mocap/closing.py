@@ -47,6 +47,8 @@ RIDGE = 1e-6
 FRAMES = 4000
 #: Gauss-Newton steps, and the longest one for an angle.
 STEPS, LONGEST_RAD = 6, 0.3
+#: Steps shorter than this, in every frame, change nothing.
+ENOUGH_RAD = 1e-4
 _ROWS = 1000  # frames at a time: bounds the memory
 
 
@@ -117,6 +119,8 @@ class Forward:
         self, mine: NDArray[np.bool_], q: Array, t0: Array, S: Array, close_mm: float, times: Array
     ) -> tuple[Array, Array]:
         """Angles ``(F, 4)`` of one digit, and their covariances ``(F, 4, 4)``."""
+        if not mine.any():
+            return t0, S * times[:, None, None]
         prior = np.linalg.inv(S) / times[:, None, None]
         W = self.weights[mine].transpose(1, 0, 2).reshape(len(self.weights[0]), -1)
         seen = np.isfinite(q).all(axis=-1, keepdims=True)
@@ -126,28 +130,40 @@ class Forward:
         t = t0.copy()
         for _ in range(STEPS):
             f, slope = functions(t)
-            J = np.einsum("fkb,km->fmb", slope, W) * per_mm[:, :, None]
+            J = np.moveaxis(slope @ W, 0, -1) * per_mm[:, :, None]
             H = J.transpose(0, 2, 1) @ J + prior
             off = (target - f @ W) * per_mm
-            pull = np.einsum("fmb,fm->fb", J, off) - np.einsum("fab,fb->fa", prior, t - t0)
-            step = np.linalg.solve(H, pull[..., None])[..., 0]
+            pull = J.transpose(0, 2, 1) @ off[..., None] - prior @ (t - t0)[..., None]
+            step = np.linalg.solve(H, pull)[..., 0]
             t += np.clip(step, -LONGEST_RAD, LONGEST_RAD)
+            if np.abs(step).max() < ENOUGH_RAD:
+                break
         return t, np.linalg.inv(H)
 
 
 def functions(t: Array) -> tuple[Array, Array]:
-    """The 81 products of a digit's angles ``(F, 4)``, and their derivatives ``(F, 81, 4)``."""
+    """The 81 products of a digit's angles ``(F, 4)``, and their derivatives ``(4, F, 81)``."""
     one, cos, sin = np.ones_like(t), np.cos(t), np.sin(t)
     u = np.stack([one, cos, sin], axis=-1)  # (F, 4, 3)
     du = np.stack([0 * one, -sin, cos], axis=-1)
-    slopes = [_product(np.where(np.arange(4)[:, None] == k, du, u)) for k in range(BENDS)]
-    return _product(u), np.stack(slopes, axis=-1)
+    first, second = _outer(u[:, 0], u[:, 1]), _outer(u[:, 2], u[:, 3])
+    slopes = [
+        _outer(_outer(du[:, 0], u[:, 1]), second),
+        _outer(_outer(u[:, 0], du[:, 1]), second),
+        _outer(first, _outer(du[:, 2], u[:, 3])),
+        _outer(first, _outer(u[:, 2], du[:, 3])),
+    ]
+    return _outer(first, second), np.array(slopes)
 
 
-def _product(u: Array) -> Array:
-    first = (u[:, 0, :, None] * u[:, 1, None, :]).reshape(len(u), 9)
-    second = (u[:, 2, :, None] * u[:, 3, None, :]).reshape(len(u), 9)
-    return np.asarray((first[:, :, None] * second[:, None, :]).reshape(len(u), 81))
+def products(t: Array) -> Array:
+    """The first of :func:`functions` alone."""
+    u = np.stack([np.ones_like(t), np.cos(t), np.sin(t)], axis=-1)
+    return _outer(_outer(u[:, 0], u[:, 1]), _outer(u[:, 2], u[:, 3]))
+
+
+def _outer(a: Array, b: Array) -> Array:
+    return np.asarray((a[:, :, None] * b[:, None, :]).reshape(len(a), -1))
 
 
 def fit(X_mm: ArrayLike, theta: ArrayLike) -> Forward:
@@ -159,7 +175,7 @@ def fit(X_mm: ArrayLike, theta: ArrayLike) -> Forward:
     miss = np.empty((DIGITS, X.shape[1]))
     weights = []
     for d in range(DIGITS):
-        f = functions(angles[:, BENDS * d : BENDS * (d + 1)])[0]
+        f = products(angles[:, BENDS * d : BENDS * (d + 1)])
         W = np.linalg.solve(f.T @ f / len(f) + RIDGE * np.eye(f.shape[1]), f.T @ flat / len(f))
         miss[d] = np.sqrt(((flat - f @ W).reshape(X.shape) ** 2).mean(axis=(0, 2)))
         weights.append(W.reshape(-1, *X.shape[1:]).transpose(1, 0, 2))
