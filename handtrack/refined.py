@@ -6,6 +6,7 @@ One frame::
     palm: refine the six numbers of its pose, fingers held          (few steps)
     all: refine                                                    -> candidate
     fingers: one sweep of samples a digit on the whole hand, then refine all -> candidate
+    hand: all fingers to their nearest basis states, palm, then refine all   -> candidate
     keep the candidate of lowest energy
 
 Search before refinement is what keeps it out of local minima; refinement is what makes it exact.
@@ -25,6 +26,7 @@ from handtrack.hand.surface import Capsules, Surface
 from handtrack.layers import Cloud, Workings
 from handtrack.records import Pose
 from handtrack.refine.matches import contour_pairs
+from handtrack.refine.snap import snapped
 from handtrack.refine.solve import Prior, Refined, Refiner, RefineSettings
 from handtrack.refine.sweep import SweepSettings, sweep
 from handtrack.refine.view import View
@@ -43,12 +45,21 @@ class RefinedSettings:
     """Steps on everything before the sweep."""
     last_steps: int = 6
     """Steps on everything after it."""
-    angle_std_deg: float = 10.0
+    snaps: int = 1
+    """Whole-hand proposals at basis states."""
+    snap_steps: int = 8
+    """Steps on everything after such a proposal."""
+    angle_std_deg: float = 25.0
     """How far an angle moves from frame to frame."""
-    turn_std_deg: float = 1.5
+    turn_std_deg: float = 1.0
     """How far the palm turns from its prediction."""
     shift_std_mm: float = 20.0
-    """How far it moves from its prediction."""
+    """How far it moves from its prediction, across the line of sight."""
+    depth_std_mm: float = 5.0
+    """And along it."""
+    between: float = 1.5
+    """Energy of a finger half-way between extended and curled (twice the log of how much rarer
+    recorded hands are there would be 3 to 4; half of it does not hurt fingers that stay there)."""
     widen: float = 1.0
     """Factor on the covariance of the configuration space off the digits' lines."""
     floor_deg: float = 6.0
@@ -79,13 +90,15 @@ class RefinedMethod:
         """Prior about a prediction; ``loose`` multiplies its standard deviations."""
         s = self.settings
         turn, shift = np.radians(s.turn_std_deg) * loose, s.shift_std_mm * loose
+        depth = s.depth_std_mm * loose
         return Prior(
             lines=self.lines,
             precision=self.precision,
             angle=predicted.theta,
             angle_weight=np.full(20, 1 / (np.radians(s.angle_std_deg) * loose) ** 2),
             pose=predicted.pose,
-            pose_weight=np.array([1 / turn**2] * 3 + [1 / shift**2] * 3),
+            pose_weight=np.array([1 / turn**2] * 3 + [1 / shift**2] * 2 + [1 / depth**2]),
+            between=s.between,
         )
 
     def follow(self, view: View, predicted: Estimate, rng: np.random.Generator) -> Estimate:
@@ -129,6 +142,11 @@ class RefinedMethod:
         )  # fmt: skip
         second = refine(view, first.pose, swept, prior, s.last_steps)
         best = min(first, second, key=lambda r: r.energy)
+        for _ in range(s.snaps):
+            snap = snapped(best.theta, self.lines, self.precision, rng)
+            palm = refine(view, best.pose, snap, prior, s.palm_steps, free="palm")
+            third = refine(view, palm.pose, palm.theta, prior, s.snap_steps)
+            best = min(best, third, key=lambda r: r.energy)
         return self.estimate(best, effective_samples(energies))
 
     def moved(self, view: View, predicted: Estimate) -> Pose:

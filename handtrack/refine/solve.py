@@ -17,8 +17,9 @@ from handtrack.refine.residuals import image_energy, place_nodes
 from handtrack.refine.view import View
 
 Array = NDArray[np.float64]
-#: A motion of many standard deviations costs no more than this: fingers stop and start.
-HEAVY_TAIL = 4.0
+#: A motion of many standard deviations costs no more than this: fingers stop and start, and a
+#: palm, heavier, does so less.
+FINGER_TAIL, PALM_TAIL = 4.0, 25.0
 
 
 @dataclass(frozen=True)
@@ -61,9 +62,11 @@ class Prior:
 
     The paper's manifold, one digit at a time: ``E = sum_d min_s (theta_d - e - s u)' P (theta_d -
     e - s u) + sum rho(w r)`` with ``0 <= s <= 1``, so that a digit slides freely between its
-    extended and its curled state and pays for leaving the line. The second sum runs over the
-    differences ``r`` from the prediction, ``[log(R R0'), t - t0, theta - angle]``, each over its
-    standard deviation; ``rho`` saturates at ``HEAVY_TAIL``.
+    extended and its curled state and pays for leaving the line. Half-way costs a finger a little,
+    ``4 b s (1 - s)``: a bend and a shorter finger look alike, and recorded hands are at the ends
+    five to ten times as often. The second sum runs over the differences ``r`` from the prediction,
+    ``[log(R R0'), t - t0, theta - angle]``, each over its standard deviation; ``rho`` saturates at
+    ``PALM_TAIL`` and ``FINGER_TAIL``.
     """
 
     lines: Array  # (5, 2, 4) extended state e, curled state e + u
@@ -72,6 +75,7 @@ class Prior:
     angle_weight: Array  # (20,) 1 / rad^2
     pose: Pose
     pose_weight: Array  # (6,) 1 / rad^2, 1 / mm^2
+    between: float  # b, energy of a finger half-way along its line
 
     def __post_init__(self) -> None:
         freeze_arrays(self)
@@ -151,15 +155,13 @@ def _maps(view: View) -> tuple[NDArray, ...]:
     return view.sdf, view.edge_strength, view.edge_x, view.edge_y, view.valid
 
 
-def _prior(prior: Prior) -> tuple[Array, ...]:
-    # copies: the kernels are compiled for writable arrays only
-    return tuple(
-        np.array(a)
-        for a in (
-            prior.lines, prior.precision, prior.angle, prior.angle_weight,
-            prior.pose.R, prior.pose.t_mm, prior.pose_weight,
-        )
+def _prior(prior: Prior) -> tuple[Array | float, ...]:
+    arrays = (
+        prior.lines, prior.precision, prior.angle, prior.angle_weight,
+        prior.pose.R, prior.pose.t_mm, prior.pose_weight,
     )  # fmt: skip
+    # copies: the kernels are compiled for writable arrays only
+    return *map(np.array, arrays), float(prior.between)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -183,11 +185,12 @@ def so3_log(R):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
-def line_energy(d, theta, line, P, H, g):  # type: ignore[no-untyped-def]
-    """Squared distance of digit ``d`` to its line in the metric ``P``, the foot between the ends.
+def line_energy(d, theta, line, P, between, H, g):  # type: ignore[no-untyped-def]
+    """Squared distance of digit ``d`` to its line in the metric ``P``, and what the foot costs.
 
-    Adds to ``H`` and ``g`` unless they are empty; the foot minimises, so the derivative of the
-    energy needs none of its own.
+    The foot ``s`` lies between the ends and costs ``4 between s (1 - s)``. Adds to ``H`` and ``g``
+    unless they are empty; the foot minimises the distance, whose derivative needs none of the
+    foot's own. The cost's curvature is negative and stays out of ``H``.
     """
     Pu, delta = np.empty(4), np.empty(4)
     uPu, uPd = 0.0, 0.0
@@ -215,27 +218,30 @@ def line_energy(d, theta, line, P, H, g):  # type: ignore[no-untyped-def]
         energy += delta[i] * pull
         if len(g):
             g[6 + 4 * d + i] += pull
-    return energy
+            if inside:
+                g[6 + 4 * d + i] += 2.0 * between * (1.0 - 2.0 * s) * Pu[i] / uPu
+    return energy + 4.0 * between * s * (1.0 - s)
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True, inline="always")
-def heavy_tailed(q, r, weight, H, g):  # type: ignore[no-untyped-def]
+def heavy_tailed(q, r, weight, tail, H, g):  # type: ignore[no-untyped-def]
     """Robust square of one difference from the prediction, with its derivatives."""
     z2 = weight * r * r
     if len(g):
-        weight *= (HEAVY_TAIL / (HEAVY_TAIL + z2)) ** 2
+        weight *= (tail / (tail + z2)) ** 2
         g[q] += weight * r
         H[q, q] += weight
-    return HEAVY_TAIL * z2 / (HEAVY_TAIL + z2)
+    return tail * z2 / (tail + z2)
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def digit_prior(d, theta, prior, limits, limit_std, H, g):  # type: ignore[no-untyped-def]
     """The prior's terms of one digit: its line, its last angles, its limits."""
     lines, precision, angle, angle_weight = prior[0], prior[1], prior[2], prior[3]
-    energy = line_energy(d, theta, lines[d], precision[d], H, g)
+    between = prior[7] if d > 0 else 0.0  # a thumb has no such ends
+    energy = line_energy(d, theta, lines[d], precision[d], between, H, g)
     for a in range(4 * d, 4 * d + 4):
-        energy += heavy_tailed(6 + a, theta[a] - angle[a], angle_weight[a], H, g)
+        energy += heavy_tailed(6 + a, theta[a] - angle[a], angle_weight[a], FINGER_TAIL, H, g)
         excess = min(theta[a] - limits[a, 0], 0.0) + max(theta[a] - limits[a, 1], 0.0)
         energy += (excess / limit_std) ** 2
         if len(g) and excess != 0.0:
@@ -251,8 +257,8 @@ def prior_energy(R, t, theta, prior, limits, limit_std, H, g):  # type: ignore[n
     turn = so3_log(R @ R0.T)
     energy = 0.0
     for q in range(3):
-        energy += heavy_tailed(q, turn[q], pose_weight[q], H, g)
-        energy += heavy_tailed(3 + q, t[q] - t0[q], pose_weight[3 + q], H, g)
+        energy += heavy_tailed(q, turn[q], pose_weight[q], PALM_TAIL, H, g)
+        energy += heavy_tailed(3 + q, t[q] - t0[q], pose_weight[3 + q], PALM_TAIL, H, g)
     for d in range(5):
         energy += digit_prior(d, theta, prior, limits, limit_std, H, g)
     return energy
