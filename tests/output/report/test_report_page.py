@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 N = 301
-BUILD = Path(__file__).resolve().parents[2] / "build"
+BUILD = Path(__file__).resolve().parents[3] / "build"
 
 #: What is on the canvas: the number in the picture, and where the wrist's white disc is.
 READ = """() => {
