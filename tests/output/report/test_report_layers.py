@@ -98,7 +98,7 @@ def test_matches_end_on_the_nearest_outline_that_faces_them():
     seen, _, _ = seen_on("right")
     method = RefinedMethod(SHAPE, SPACE, RefinedSettings())
     view = View.of(seen.evidence)
-    moved = Estimate(Pose(POSE.R, POSE.t_mm + [6.0, -4.0, 0.0]), THETA, np.full(20, 0.1))
+    moved = Estimate(Pose(POSE.R, POSE.t_mm + np.array([6.0, -4.0, 0.0])), THETA, np.full(20, 0.1))
     pairs = contour_pairs(method.refiner, view, moved)
     assert len(pairs) > 100
     circles = method.hand.circles_px(

@@ -250,8 +250,9 @@ def test_a_clip_of_ten_minutes_opens_soon_and_moves(open_page, reports, tmp_path
     page = open_page(folder, n // 2, limit_s=12)
     opened_s = page.evaluate("handtrack.ready") / 1000
     zoom_ms = page.evaluate(
-        "() => { const from = performance.now();"
-        "for (let i = 1; i < 6; i++) handtrack.app.curves.zoom([i, 600 - 10 * i]);"
+        "async () => { const from = performance.now();"
+        "for (let i = 1; i < 6; i++) { handtrack.app.curves.zoom([i, 600 - 10 * i]);"
+        "await new Promise(requestAnimationFrame); }"
         "return (performance.now() - from) / 5; }"
     )
     only(page, "picture", "keypoints")
