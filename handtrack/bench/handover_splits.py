@@ -34,6 +34,7 @@ GRID = {
     "close_mm": (0.0, 0.2),
 }
 HELD_OUT = 2
+Set = tuple[str, tuple[str, ...], Handover]
 
 
 @dataclass(frozen=True)
@@ -49,16 +50,22 @@ class Row:
 
 
 def over_splits(
-    clips: Mapping[str, Clip], stride: int, progress: Callable[[str], object] = lambda text: None
+    clips: Mapping[str, Clip],
+    stride: int,
+    progress: Callable[[str], object] = lambda text: None,
+    sets: Callable[[Study], list[Set]] | None = None,
 ) -> dict[str, Row]:
-    """Rows by name, each over every choice of two clips to hold out."""
+    """Rows by name, each over every choice of two clips to hold out.
+
+    ``sets`` gives the rows of a split, by default :func:`marker_sets`.
+    """
     errors: dict[str, list[list[float]]] = {}
     inside: dict[str, list[float]] = {}
     splits = list(combinations(sorted(clips), HELD_OUT))
     for tests in splits:
         learnt = [clips[name] for name in sorted(clips) if name not in tests]
         s = study(", ".join(tests), learnt, [clips[name] for name in tests], stride)
-        for name, chosen, settings in _sets(s):
+        for name, chosen, settings in (sets or marker_sets)(s):
             found = [score(s, clip, chosen, settings) for clip in s.tests]
             errors.setdefault(name, []).append([one.error_deg for one in found])
             inside.setdefault(name, []).extend(one.inside_90 for one in found)
@@ -66,7 +73,8 @@ def over_splits(
     return {name: _row(splits, errors[name], inside[name]) for name in errors}
 
 
-def _sets(s: Study) -> list[tuple[str, tuple[str, ...], Handover]]:
+def marker_sets(s: Study) -> list[Set]:
+    """Name, markers and settings of every row on one split."""
     base = s.base
     six, three = (rank(base.labels, base.X_mm).top(n) for n in (6, 3))
     plain, closed = greedy_for(base, PAPER), greedy_for(base, CLOSED)

@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from handtrack.bench.handover_splits import over_splits
 from handtrack.bench.handover_study import (
+    CLOSED,
     MANUAL6,
     PAPER,
     by_components,
@@ -79,6 +81,30 @@ def test_a_marker_is_predicted_from_the_others_on_a_real_recording(shared):
     assert all(0 < error < 60 for error in found.values())
 
 
+def test_every_pair_of_clips_is_held_out_once():
+    clips = {name: shipped_clip(name, 3) for name in ("girl", "walk", "counting")}
+    said = []
+
+    def sets(s):
+        return [("all 13", s.base.labels, PAPER), ("manual 6", MANUAL6, PAPER)]
+
+    rows = over_splits(clips, 8, said.append, sets)
+    assert said == ["counting, girl", "counting, walk", "girl, walk"]
+    for row in rows.values():
+        assert row.best_deg <= row.median_deg <= row.worst_deg
+        assert row.mean_deg == pytest.approx(np.mean(list(row.by_clip_deg.values())), abs=0.002)
+    assert rows["all 13"].mean_deg < rows["manual 6"].mean_deg
+
+
+def test_the_hand_closed_on_its_markers_is_honest_too(alphabet):
+    six = rank(alphabet.base.labels, alphabet.base.X_mm).top(6)
+    for clip in alphabet.tests:
+        plain, closed = score(alphabet, clip, six), score(alphabet, clip, six, CLOSED)
+        assert closed.error_deg < 0.6 * plain.error_deg
+        assert closed.lag_frames == 0
+        assert 0.8 < closed.inside_90 < 0.99
+
+
 def test_the_command_writes_a_page_and_a_record(tmp_path, capsys):
     out = tmp_path / "bench"
     assert main(["bench", "handover", "--only", "nothing", "-o", str(out)]) == 0
@@ -94,6 +120,8 @@ def test_no_worse_than_the_baseline(alphabet):
     now = {name: float(np.mean(errors(alphabet, chosen))) for name, chosen in sets.items()}
     damped = replace(PAPER, regression=replace(PAPER.regression, ridge_mm=0.5))
     now["ranked 6, damped"] = float(np.mean(errors(alphabet, ranking.top(6), damped)))
+    for name in ("ranked 6", "ranked 3", "manual 6"):
+        now[f"{name}, closed"] = float(np.mean(errors(alphabet, sets[name], CLOSED)))
     baseline = json.loads(BASELINE.read_text())
     assert set(now) == set(baseline)
     worse = {
