@@ -23,6 +23,7 @@ from handtrack.camera import Camera
 from handtrack.errors import InputError
 from handtrack.evidence.orientation import Image
 from handtrack.evidence.video import Limits, VideoInfo
+from handtrack.first_run import word_if_slow
 from handtrack.hand.shape import HandShape
 from handtrack.hand.space import default as default_space
 from handtrack.layers import layers_of, seen_by
@@ -243,7 +244,11 @@ def _track(
     """The loop over the frames."""
     off = settings.quiet or not sys.stderr.isatty()
     total = report.counts.container
-    with closing(source.frames()) as frames, tqdm(total=total, unit="frame", disable=off) as bar:
+    with (
+        closing(source.frames()) as frames,
+        tqdm(total=total, unit="frame", disable=off) as bar,
+        word_if_slow(bar),
+    ):
         for frame in _timed(frames, report.timings_ms["wait for frame"]):
             begin = time.perf_counter()
             result = _result(frame, settings, tracker)

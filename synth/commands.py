@@ -88,12 +88,14 @@ class Demo:
         for file, what in _WHERE_TO_LOOK.items():
             if (found / file).exists():
                 print(f"  {found / file}: {what}")
+        if (found / "report.html").exists():
+            print(f"handtrack view {found} opens the report")
         return report.exit_code
 
 
 _WHERE_TO_LOOK = {
     "overlay.mp4": "what was found, drawn over the clip",
-    "report.html": "picture, layers, angles and their error, in a browser",
+    "report.html": "picture, layers, angles and their error",
     "angles.csv": "the table of angles",
     "motion.bvh": "the motion, for Blender",
 }
