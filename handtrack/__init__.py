@@ -11,6 +11,19 @@ An hourglass that meets at :class:`Trajectory`::
 >>> import handtrack
 >>> hand = handtrack.track("clip.mp4")                      # doctest: +SKIP
 >>> hand.to_dataframe()["index_pip_flexion_deg"].plot()     # doctest: +SKIP
+>>> handtrack.ANGLE_NAMES[6]
+'index_pip_flexion'
+
+=======================================  ========================================================
+``track``, ``Trajectory``                a whole clip; ``Trajectory.load`` reads a run's folder
+``Tracker``, ``TrackerSettings``         frame by frame: ``Tracker.step(frame)``
+``probe``, ``read_frames``, ``Frame``    the frames of a clip, upright, with their own times
+``FrameResult``, ``Status``, ``Pose``    what is known of one frame
+``HandShape``, ``Camera``                what was measured beforehand, or is assumed
+``ConfigurationSpace``                   the 7 dimensions in which fingers are looked for
+``ANGLE_NAMES``, ``KEYPOINT_NAMES``      the order of the columns
+``HandtrackError``, ``InputError``       what can go wrong, in one line
+=======================================  ========================================================
 
 The names below are imported when they are first used, so ``import handtrack`` costs nothing.
 Angles are in radians, lengths in mm; order and signs are told in :mod:`handtrack.hand.skeleton`.
@@ -26,7 +39,6 @@ if TYPE_CHECKING:
     from handtrack.hand.shape import HandShape
     from handtrack.hand.skeleton import ANGLE_NAMES, KEYPOINT_NAMES
     from handtrack.hand.space import ConfigurationSpace
-    from handtrack.output.table import read_tables
     from handtrack.records import Frame, FrameResult, Pose, Status
     from handtrack.run import track
     from handtrack.tracker import Tracker, TrackerSettings
@@ -49,7 +61,6 @@ __all__ = [
     "Trajectory",
     "probe",
     "read_frames",
-    "read_tables",
     "track",
 ]
 
@@ -60,7 +71,6 @@ _HOMES = {
     "hand.shape": ("HandShape",),
     "hand.skeleton": ("ANGLE_NAMES", "KEYPOINT_NAMES"),
     "hand.space": ("ConfigurationSpace",),
-    "output.table": ("read_tables",),
     "records": ("Frame", "FrameResult", "Pose", "Status"),
     "run": ("track",),
     "tracker": ("Tracker", "TrackerSettings"),

@@ -157,7 +157,15 @@ class Tracker:
         self.timings_ms: dict[str, list[float]] = defaultdict(list)
 
     def step(self, frame: Frame) -> FrameResult:
-        """What is known of the hand in this frame; frames come in order of time."""
+        """What is known of the hand in this frame; frames come in order of time.
+
+        A hand that is not found is a status, no exception; ``examples/stream.py`` follows one.
+
+        >>> tracker = Tracker(TrackerSettings(), Camera.assumed_for(64, 48))
+        >>> grey = np.full((48, 64, 3), 90, np.uint8)  # RGB
+        >>> tracker.step(Frame(index=0, time_s=0.0, image=grey)).status.sentence
+        'the hand is not known in this frame'
+        """
         if frame.image is None:
             return FrameResult.unknown(frame.index, frame.time_s, Status.UNDECODABLE)
         if self.track is None:
