@@ -137,7 +137,9 @@ def _format_trc(markers: Markers) -> str:
     ]
     rows = zip(_times(markers), _fields(markers), strict=True)
     body = [f"{f + 1}\t{time}\t" + "\t".join(row) for f, (time, row) in enumerate(rows)]
-    return "\n".join([*head, *body]) + "\n"
+    # OpenSim takes no notice of a last cell that is empty, so that one gets its own tab
+    closed = [line + "\t" if line.endswith("\t") else line for line in body]
+    return "\n".join([*head, *closed]) + "\n"
 
 
 def _parse_tsv(text: str) -> Markers:

@@ -20,6 +20,9 @@ from handtrack.mocap.marker_io import read_markers, write_markers
 from handtrack.mocap.markers import Markers
 from handtrack.trajectory import Trajectory
 
+#: The header of a C3D file counts frames in 16 bits.
+MOST_C3D_FRAMES = 65535
+
 
 def upright_mm(points_mm: ArrayLike) -> NDArray[np.float64]:
     """Camera-frame points ``(..., 3)`` with y up, to a tenth of a micrometre."""
@@ -31,9 +34,16 @@ def write_points(hand: Trajectory, rate_hz: float, path: Path) -> None:
 
     Raises
     ------
+    InputError
+        It is C3D, and there are more frames than its header can count.
     OutputError
         The file cannot be written, or not all of it.
     """
+    if path.suffix == ".c3d" and len(hand) > MOST_C3D_FRAMES:
+        raise InputError(
+            f"{len(hand)} frames are more than C3D's header can count ({MOST_C3D_FRAMES}); "
+            "--rate makes fewer, trc and json take them all"
+        )
     write_markers(Markers(KEYPOINT_NAMES, upright_mm(hand.keypoints_mm), rate_hz), path)
     try:
         read_markers(path)  # a full disk goes unnoticed by ezc3d

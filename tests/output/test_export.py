@@ -17,6 +17,7 @@ from handtrack.hand.skeleton import KEYPOINT_NAMES, TIPS
 from handtrack.mocap.bvh import read_bvh
 from handtrack.mocap.mapping import read_mapping
 from handtrack.mocap.marker_io import read_markers
+from handtrack.output import points
 from handtrack.output.export import WRITERS, Export, export_run
 from handtrack.output.parquet import unit_of
 from handtrack.tables import read_tables
@@ -92,7 +93,10 @@ def test_trc_as_opensim_wants_it(make_run):
     assert lines[5] == ""
     rows = [line.split("\t") for line in lines[6:] if line]
     assert len(rows) == 12
-    assert {len(row) for row in rows} == {2 + 3 * 21}
+    # a row that ends in an empty cell ends in a tab of its own: OpenSim wants it
+    assert {len(row) for k, row in enumerate(rows) if k not in (0, 5)} == {2 + 3 * 21}
+    assert [len(rows[k]) for k in (0, 5)] == [2 + 3 * 21 + 1] * 2
+    rows = [row[: 2 + 3 * 21] for row in rows]
     assert [row[0] for row in rows] == [str(k + 1) for k in range(12)]
     found = np.array([[float(w or "nan") for w in row[2:]] for row in rows]).reshape(12, 21, 3)
     wanted = upright(read_tables(run).keypoints_mm)
@@ -122,6 +126,14 @@ def test_c3d_by_another_reader(make_run):
             np.testing.assert_allclose(found[:, :3], row, atol=TABLE_TOLERANCE_MM)
     back = read_markers(path)
     np.testing.assert_allclose(back.positions_mm, wanted, atol=TABLE_TOLERANCE_MM)
+
+
+def test_more_frames_than_c3d_can_count(make_run, monkeypatch):
+    run = make_run()
+    monkeypatch.setattr(points, "MOST_C3D_FRAMES", 11)
+    with pytest.raises(InputError, match=r"12 frames are more than .* \(11\); --rate"):
+        export_run(Export(run, "trc,c3d"))
+    assert list((run / "export").iterdir()) == []
 
 
 def test_json_of_the_keypoints(make_run):
