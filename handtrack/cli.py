@@ -53,7 +53,7 @@ COMMANDS: dict[str, str] = {
     "handover": "handtrack.mocap.commands:HandoverCommand",
     "markers attach": "handtrack.mocap.commands:MarkersAttach",
     "markers rank": "handtrack.mocap.commands:MarkersRank",
-    "run": "handtrack.run:RunSettings",
+    "run": "handtrack.settings:RunSettings",
     "view": "handtrack.output.view:View",
     "synth": "synth.commands:Synth",
     "space excerpt": "handtrack.hand.commands:SpaceExcerpt",

@@ -6,6 +6,7 @@ pose reported is ``S R S``, ``S t``. The 20 angles stay the same.
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from handtrack.camera import Camera
 from handtrack.estimate import Estimate
@@ -13,6 +14,7 @@ from handtrack.hand.kinematics import keypoints_mm
 from handtrack.hand.shape import HandShape
 from handtrack.records import Frame, FrameResult, Pose, Status
 
+Array = NDArray[np.float64]
 MIRROR = np.diag([-1.0, 1.0, 1.0])
 
 
@@ -31,11 +33,8 @@ def result_of(
     camera: Camera,
 ) -> FrameResult:
     """The record of one frame; ``camera`` is that of the clip as filmed."""
-    keypoints = keypoints_mm(estimate.theta, shape)
-    pose = estimate.pose
-    if side == "left":
-        pose, keypoints = unmirrored(pose), keypoints @ MIRROR
-    in_camera = pose @ keypoints
+    pose = unmirrored(estimate.pose) if side == "left" else estimate.pose
+    points_mm = in_camera(estimate.theta, pose.R, pose.t_mm, side, shape)
     return FrameResult(
         index=frame.index,
         time_s=frame.time_s,
@@ -47,6 +46,12 @@ def result_of(
         t_mm=pose.t_mm,
         theta=estimate.theta,
         theta_std=estimate.theta_std,
-        keypoints_px=camera.project(in_camera),
-        keypoints_mm=in_camera,
+        keypoints_px=camera.project(points_mm),
+        keypoints_mm=points_mm,
     )
+
+
+def in_camera(theta: Array, R: Array, t_mm: Array, side: str, shape: HandShape) -> Array:
+    """The 21 keypoints ``(21, 3)`` in the camera frame, of a hand as filmed (mm)."""
+    keypoints = keypoints_mm(theta, shape)
+    return Pose(R, t_mm) @ (keypoints @ MIRROR if side == "left" else keypoints)

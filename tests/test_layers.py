@@ -50,7 +50,7 @@ def offenders(who, what):
 
 def is_outermost(module):
     """The public names, commands and the benchmark see everything; that is what they are for."""
-    names = ("cli", "run", "source", "picture", "account", "bench", "batch", "live")
+    names = ("cli", "run", "loop", "source", "picture", "account", "bench", "batch", "live")
     outermost = [f"handtrack.{name}" for name in names]
     return module == "handtrack" or module.endswith(".commands") or inside(module, *outermost)
 

@@ -138,7 +138,9 @@ def _log_odds(rgb: Pixels, table: Float) -> Float:
 
 
 def to_ycc(rgb: Pixels) -> Pixels:
-    """YCrCb ``(..., 3)`` of RGB ``(..., 3)``, both uint8."""
+    """YCrCb ``(..., 3)`` of RGB ``(..., 3)``, both uint8; of no pixels, none."""
+    if rgb.size == 0:
+        return rgb
     flat = np.ascontiguousarray(rgb).reshape(1, -1, 3)
     return np.asarray(cv2.cvtColor(flat, cv2.COLOR_RGB2YCrCb), np.uint8).reshape(rgb.shape)
 

@@ -51,3 +51,12 @@ def test_wrong_masks_for_minutes_do_not_turn_it_round():
     assert np.mean(model.log_odds(samples(SKIN, seed=5)) > 0) > 0.97
     assert np.mean(model.log_odds(samples(WALL, seed=5)) < 0) > 0.97
     assert np.mean(model.log_odds(samples(SLEEVE, seed=5)) < 0) > 0.97
+
+
+def test_no_pixels_have_no_odds_and_teach_nothing():
+    model = ColourModel.from_samples(samples(SKIN), samples(WALL))
+    before = model.table.copy()
+    none = np.empty((0, 3), np.uint8)
+    assert model.log_odds(none).shape == (0,)
+    model.learn(none, none, 0.5)
+    assert np.array_equal(model.table, before)
