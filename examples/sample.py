@@ -13,7 +13,7 @@ from synth.scene import Scene
 
 @cache
 def clip(frames: int = 16) -> Path:
-    """A clip of a hand that opens and closes, drawn in software."""
+    """The start of the scene ``paper``, which is drawn in software: an open hand begins to move."""
     scene = Scene.named("paper", 1)
     scene = replace(scene, motion=replace(scene.motion, frames=frames))
     folder = Path(tempfile.mkdtemp(prefix="handtrack-"))

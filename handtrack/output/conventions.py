@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from handtrack.errors import OutputError
 from handtrack.hand.kinematics import keypoints_mm
 from handtrack.hand.shape import HandShape
 from handtrack.hand.skeleton import ANGLE_NAMES, DIGITS, KEYPOINT_NAMES, TIPS
@@ -206,11 +207,19 @@ def _arrow(axes: "Axes", start: tuple[float, float], end: tuple[float, float], c
 
 
 def write(path: Path) -> None:
-    """Write the drawing as PNG; the same bytes each time."""
+    """Write the drawing as PNG; the same bytes each time.
+
+    Raises
+    ------
+    OutputError
+        It cannot be written.
+    """
     part = hidden_beside(path)
     try:
         draw().savefig(part, format="png", dpi=80, metadata={"Software": None})
         put_in_place(part, path)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
     finally:
         part.unlink(missing_ok=True)
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from handtrack import ANGLE_NAMES, KEYPOINT_NAMES
+from handtrack.errors import OutputError
 from handtrack.hand.skeleton import DIGITS
 from handtrack.output.conventions import hand_at, path_of, write
 
@@ -50,3 +51,5 @@ def test_drawing_is_the_same_each_time(tmp_path):
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
     assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.png", "b.png"]
+    with pytest.raises(OutputError, match="cannot be written"):
+        write(tmp_path / "none" / "a.png")
