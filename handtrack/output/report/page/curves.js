@@ -52,7 +52,7 @@ class Curves {
     const shares = strips.reduce((sum, s) => sum + (s.name === "status" ? 0 : s.tall || 1), 0);
     const free = height - statusHeight - axisHeight - strips.length - 3;
     const each = Math.max(44, Math.min(78, (0.56 * free) / shares));
-    const angles = { name: "angles", title: "angles", unit: "°", height: Math.max(150, free - shares * each) };
+    const angles = { name: "angles", title: this.facts.truth ? "angles (dashed: true)" : "angles", unit: "°", height: Math.max(150, free - shares * each) };
     strips.forEach((s) => { s.height = s.name === "status" ? statusHeight : each * (s.tall || 1); });
     strips[strips.length - 1].height += axisHeight;
     this.specs = [angles, ...strips];
@@ -83,7 +83,10 @@ class Curves {
       line(theta, stroke, { dash }),
     ];
     const truth = data[`truth${angle}`];
-    if (truth) lines.push(line(truth, colour("--ink"), { dash: [5, 3], width: 1.1 }));
+    if (truth) {
+      const dark = `color-mix(in srgb, ${stroke} 55%, ${colour("--ink")})`;
+      lines.push(line(truth, dark, { dash: [5, 3], width: 1.6 }));
+    }
     return lines;
   }
 
@@ -226,6 +229,8 @@ function difference(found, truth) { return found.map((x, i) => Math.abs(x - trut
 function rangeOf(spec, low, high) {
   if (spec.range) return spec.range;
   if (spec.name === "status" || !Number.isFinite(low) || !Number.isFinite(high)) return [0, 1];
+  // a band that says "unknown" shall not flatten the curves
+  if (spec.name === "angles") { low = Math.max(low, -90); high = Math.min(high, 180); }
   const from = spec.zero || spec.name === "error" || spec.name === "keypoints" ? Math.min(0, low) : low;
   const margin = 0.05 * Math.max(high - from, 1e-3);
   return [from < 0 || from !== 0 ? from - margin : 0, high + margin];

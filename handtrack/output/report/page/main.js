@@ -77,7 +77,7 @@ class App {
     const what = { particles: "particles", samples: "samples, one digit each" }[kind] || "";
     byId("space-caption").textContent = what
       ? `${drawn < size ? `${drawn} of ` : ""}${size} ${what}` : "configuration space";
-    const names = line[0] < 0 ? "–" : line.map((i) => this.facts.basis_names[i]).join(" to ");
+    const names = line[0] < 0 ? "–" : line.map((i) => this.facts.basis_names[i]).join(" to ") + " curled";
     this.readout(k, names);
     this.stamp(k);
   }
