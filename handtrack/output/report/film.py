@@ -27,7 +27,8 @@ _OPTIONS = {
     "tune": "zerolatency",
     "crf": "26",
     "bf": "0",
-    "x264-params": f"keyint={GOP}:min-keyint={GOP}:scenecut=0:repeat-headers=1:annexb=1",
+    "x264-params": f"keyint={GOP}:min-keyint={GOP}:scenecut=0:repeat-headers=1:annexb=1"
+    ":colormatrix=smpte170m:colorprim=smpte170m:transfer=smpte170m",
 }
 
 

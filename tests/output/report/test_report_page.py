@@ -198,6 +198,22 @@ def test_without_its_files_there_are_still_curves(browser, reports, tmp_path):
     page.close()
 
 
+def test_colours_are_those_of_the_frame(open_page, reports, tmp_path):
+    colour, tmp = (210, 150, 130), tmp_path / "a"
+    tmp.mkdir()
+    writer = reports.ReportWriter(tmp, reports.WIDTH, reports.HEIGHT)
+    image = np.full((reports.HEIGHT, reports.WIDTH, 3), colour, np.uint8)
+    writer.add(reports.result_at(0), image, lambda: reports.layers_at(0), 1.0)
+    writer.finish(reports.facts_of(reports.record_of(1), reports.space.default()))
+    page = open_page(tmp)
+    only(page, "picture")
+    found = page.evaluate(
+        "() => { const c = document.getElementById('picture'); return Array.from("
+        "c.getContext('2d').getImageData(c.width / 2, c.height / 2, 1, 1).data); }"
+    )
+    assert found[:3] == pytest.approx(colour, abs=2)
+
+
 def test_the_page_reads_columns_as_python_does(page):
     from handtrack.output.report.columns import Column, as_text, pack_columns, unpack_columns
 
