@@ -61,7 +61,7 @@ def _outcome(future: "Future[Outcome]", job: Job) -> Outcome:
     try:
         return future.result()
     except (Exception, CancelledError) as error:
-        text = " ".join(str(error).split()) or "the cluster gave it up"
-        line = f"{type(error).__name__}: {text}"
+        text = " ".join(str(error).split()) or "the cluster is gone, or gave it up"
+        line = f"{text} ({type(error).__name__})"
         code = HandtrackError.exit_code
         return conclude(job, job.status(State.FAILED, exit_code=code, last_line=line)), True
