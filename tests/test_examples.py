@@ -3,6 +3,7 @@
 import re
 import runpy
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -14,8 +15,9 @@ SCRIPTS = sorted(path.name for path in FOLDER.glob("*.py") if path.name != "samp
 
 
 @pytest.fixture
-def run_script(monkeypatch, tmp_path, capsys):
+def run_script(monkeypatch, tmp_path, tmp_path_factory, capsys):
     monkeypatch.syspath_prepend(str(FOLDER))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path_factory.getbasetemp()))
     monkeypatch.chdir(tmp_path)
 
     def run(name: str, *arguments: object) -> str:
