@@ -21,6 +21,7 @@ JPEG_QUALITY = 85
 STREAM = "/stream.mjpg"
 HTML = f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>handtrack, live</title>
+<link rel="icon" href="data:,">
 <style>
   body {{ margin: 0; background: #222; color: #ddd; font: 14px sans-serif; text-align: center }}
   img {{ max-width: 100vw; max-height: calc(100vh - 3em) }}
