@@ -94,7 +94,7 @@ def reconstruct(
         theta[rows], std[rows] = _finished(
             base, X, Q[rows], theta[rows], std[rows], pattern, settings
         )
-    return Reconstruction(theta, std, scores)
+    return Reconstruction(theta, std, space.scores(theta)[:, :K] if settings.close_mm else scores)
 
 
 def _finished(

@@ -8,6 +8,7 @@ import base64
 import html
 import io
 from collections.abc import Mapping, Sequence
+from itertools import cycle
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+_CURVES = ("k-", "C1-", "C0--", "C2:")
 _STYLE = """body{font:15px/1.5 sans-serif;max-width:60em;margin:2em auto;padding:0 1em;color:#222}
 table{border-collapse:collapse;margin:1em 0}td,th{padding:.2em .8em;border-bottom:1px solid #ddd;
 text-align:right}td:first-child,th:first-child{text-align:left}img{max-width:100%}"""
@@ -103,11 +105,11 @@ def draw_components(time_s: Array, curves: Mapping[str, Array], n: int = 4) -> "
     n = min(n, *(curve.shape[1] for curve in curves.values()))
     figure = Figure(figsize=(9.0, 1.6 * n + 0.6), layout="constrained")
     for k, axes in enumerate(np.atleast_1d(figure.subplots(n, 1, sharex=True))):
-        for (name, curve), style in zip(curves.items(), ("k-", "C1-", "C0--"), strict=False):
+        for (name, curve), style in zip(curves.items(), cycle(_CURVES), strict=False):
             axes.plot(time_s, np.degrees(curve[:, k]), style, lw=1.1, label=name)
         axes.set_ylabel(f"component {k + 1}\ndeg", fontsize=8)
         if k == 0:
-            axes.legend(fontsize=8, ncols=3)
+            axes.legend(fontsize=8, ncols=len(curves))
     axes.set_xlabel("time, s")
     return figure
 
