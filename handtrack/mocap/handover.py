@@ -3,9 +3,9 @@
 Per query frame the markers that are there are regressed to the principal components of the data
 base's joint angles (:mod:`handtrack.mocap.regression`), the trajectories of the components are
 smoothed by the cone filter, and the angles are ``theta = mean + V^T z``. If asked, the hand is then
-brought to its markers (:mod:`handtrack.mocap.closing`). Components that are left out stay at zero
-and add their variance to the stated uncertainty, which is calibrated on parts of the data base that
-are held out (:mod:`handtrack.mocap.validation`).
+brought to its markers (:mod:`handtrack.mocap.closing`) and smoothed once more. Components that are
+left out stay at zero and add their variance to the stated uncertainty, which is calibrated on parts
+of the data base that are held out (:mod:`handtrack.mocap.validation`).
 
 >>> from handtrack.mocap.database import build, shipped_clip
 >>> base = build([shipped_clip("girl", seed=0)])
@@ -94,7 +94,11 @@ def reconstruct(
         theta[rows], std[rows] = _finished(
             base, X, Q[rows], theta[rows], std[rows], pattern, settings
         )
-    return Reconstruction(theta, std, space.scores(theta)[:, :K] if settings.close_mm else scores)
+    if settings.close_mm > 0:  # frame by frame, so it may jump where two hands fit the markers
+        smooth = [cone(theta[a:b], base.rate_hz, settings.taps) for a, b in pairwise(bounds)]
+        theta = np.concatenate(smooth)
+        scores = space.scores(theta)[:, :K]
+    return Reconstruction(theta, std, scores)
 
 
 def _finished(
