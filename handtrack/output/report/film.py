@@ -63,7 +63,9 @@ class Film:
 
     def packet(self, image: Image | None) -> bytes:
         """The packet of the next frame ``(H, W, 3)``; None is a black one."""
-        frame = av.VideoFrame.from_ndarray(self._sized(image), format="rgb24")
+        # OpenCV's conversion takes a quarter of the time of the library's own
+        planes = cv2.cvtColor(self._sized(image), cv2.COLOR_RGB2YUV_I420)
+        frame = av.VideoFrame.from_ndarray(np.asarray(planes, np.uint8), format="yuv420p")
         frame.pts, frame.time_base = self._n, Fraction(1, 30)
         packets = self._codec.encode(frame)
         wanted = [(self._n, self._n % GOP == 0)]
