@@ -44,6 +44,9 @@ REACH_RANGE = (0.4, 1.6)
 LEVEL_STEP_R = 0.05
 NECK_LEVELS = 10
 MAX_NECK_WIDTH_R = 1.6
+#: Height over the wrist's neck, in palm radii, of the thumb's first joint: below it the outline is
+#: the wrist's, above it the back of the thumb.
+THUMB_BASE_R = 0.65
 MAX_SPREAD_DEG = (120.0, 80.0, 80.0, 80.0)
 
 
@@ -290,5 +293,5 @@ def _with_labels(landmarks: Landmarks) -> Landmarks:
         label[tip[d] - begin + clear : tip[d] + end - clear + 1] = d
     depth = -(landmarks.contour_px - landmarks.wrist_px) @ landmarks.up / landmarks.radius_px
     outer = np.arange(len(label)) <= tip[0]
-    label[outer & (depth < -0.3)] = 0  # the thumb's back, down to its base
+    label[outer & (depth < -THUMB_BASE_R)] = 0  # the thumb's back, down to its base
     return replace(landmarks, label=label)

@@ -40,6 +40,7 @@ COMMANDS: dict[str, str] = {
     "batch": "handtrack.batch.commands:Batch",
     "bench": "handtrack.bench.commands:Bench",
     "bench ablations": "handtrack.bench.commands:BenchAblations",
+    "bench calibration": "handtrack.bench.calibration:BenchCalibration",
     "bench clip": "handtrack.bench.peer:BenchClip",
     "bench handover": "handtrack.bench.handover:BenchHandover",
     "bench palm": "handtrack.bench.palm:BenchPalm",
