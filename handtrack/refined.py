@@ -12,18 +12,20 @@ One frame::
 Search before refinement is what keeps it out of local minima; refinement is what makes it exact.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from handtrack import rotation
 from handtrack.estimate import Estimate
 from handtrack.hand.capsules import CapsuleHand
 from handtrack.hand.shape import HandShape
 from handtrack.hand.space import ConfigurationSpace
 from handtrack.hand.surface import Capsules, Surface
 from handtrack.layers import Cloud, Workings
+from handtrack.palm.orthographic import other_tilt
 from handtrack.records import Pose
 from handtrack.refine.matches import contour_pairs
 from handtrack.refine.snap import snapped
@@ -49,6 +51,12 @@ class RefinedSettings:
     """Whole-hand proposals at basis states."""
     snap_steps: int = 8
     """Steps on everything after such a proposal."""
+    tilt_share: float = 0.2
+    """Share of the frames, drawn at random, in which the palm's other tilt is tried."""
+    tilts_apart_deg: float = 15.0
+    """Angle between the two tilts from which that is worth it."""
+    tilt_margin: float = 6.0
+    """Energy by which the other tilt must be better."""
     angle_std_deg: float = 25.0
     """How far an angle moves from frame to frame."""
     turn_std_deg: float = 1.0
@@ -107,7 +115,27 @@ class RefinedMethod:
         start = self.moved(view, predicted)
         prior = self.prior(Estimate(start, predicted.theta, predicted.theta_std))
         palm = refine(view, start, predicted.theta, prior, s.palm_steps, free="palm")
-        return self._search(view, palm.pose, palm.theta, prior, rng)
+        found = self._search(view, palm.pose, palm.theta, prior, rng)
+        return self.best_tilt(view, found, rng) if rng.random() < s.tilt_share else found
+
+    def best_tilt(self, view: View, found: Estimate, rng: np.random.Generator) -> Estimate:
+        """``found``, or the hand with the palm's other tilt where that explains the frame better.
+
+        A plane has two tilts with nearly the same image (Section 3 of the paper); once the wrong
+        one is followed, no small step leads back.
+        """
+        centre_mm = np.array([0.0, 0.55 * self.shape.palm_length_mm, 0.0])
+        pose = other_tilt(found.pose, centre_mm)
+        if rotation.angle_between(pose.R, found.pose.R) < np.radians(self.settings.tilts_apart_deg):
+            return found
+        workings = self.workings
+        prior = self.prior(replace(found, pose=pose), loose=4.0)
+        palm = self.refiner(view, pose, found.theta, prior, self.settings.palm_steps, free="palm")
+        other = self._search(view, palm.pose, palm.theta, prior, rng)
+        if other.energy < self.energy(view, found) - self.settings.tilt_margin:
+            return other
+        self.workings = workings
+        return found
 
     def restart(self, estimate: Estimate) -> None:
         """Nothing to forget: the prediction is all that a frame starts from."""

@@ -49,6 +49,9 @@ from handtrack.window import window_for
 
 Image = NDArray[np.uint8]
 
+#: A palm that turns more than this in a frame was found otherwise: that is no motion.
+JUMP_DEG = 25.0
+
 
 @dataclass(frozen=True)
 class TrackerSettings:
@@ -112,7 +115,8 @@ class Track:
         seen = status is Status.TRACKED
         self.misses = 0 if seen else self.misses + 1
         self.lost = status is Status.LOST
-        if seen and not self.fresh:
+        jumped = rotation.angle_between(pose.R, before.R) > np.radians(JUMP_DEG)
+        if seen and not self.fresh and not jumped:
             self.turn = rotation.log(pose.R @ before.R.T)
             self.shift_mm = pose.t_mm - before.t_mm
         else:
