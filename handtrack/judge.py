@@ -19,6 +19,8 @@ class JudgeSettings:
     """Overlap of the silhouettes, without the forearm, from which a frame is tracked."""
     doubted_overlap: float = 0.91
     """Below this the hand is looked for anew now and then, in case it is otherwise."""
+    strained: float = 1.4
+    """And so where the energy is this many times what it was of late."""
     doubt_every: int = 6
     """Frames between two such looks."""
     better_by: float = 0.02

@@ -11,7 +11,7 @@ The tracked model is always a right hand; :mod:`handtrack.report` turns it into 
 """
 
 import time
-from collections import defaultdict
+from collections import defaultdict, deque
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -102,12 +102,18 @@ class Track:
         self.doubts = 0
         self.lost = False
         self.fresh = True
+        self.energies: deque[float] = deque(maxlen=60)  # of the last tracked frames
 
     def predicted(self) -> Estimate:
         """Constant velocity of the palm, damped; the angles as they were."""
         pose = self.estimate.pose
         R = rotation.exp(0.5 * self.turn) @ pose.R
         return replace(self.estimate, pose=Pose(R, pose.t_mm + 0.7 * self.shift_mm))
+
+    def strains(self, estimate: Estimate, factor: float) -> bool:
+        """Whether the energy is above what is usual of late by ``factor``."""
+        usual = np.median(self.energies) if len(self.energies) >= 15 else np.inf
+        return bool(estimate.energy > factor * usual)
 
     def accept(self, estimate: Estimate, status: Status) -> None:
         """Take an estimate over, with the motion it implies."""
@@ -124,6 +130,8 @@ class Track:
         self.fresh = not seen
         if not self.lost:
             self.estimate = estimate
+        if seen:
+            self.energies.append(estimate.energy)
 
 
 class Tracker:
@@ -239,7 +247,7 @@ class Tracker:
         with self._timed("judge"):
             line_mm = self.settings.judge.wrist_line_mm
             agreement = overlap(track.searcher.hand, estimate, view, line_mm)
-            if self._doubts(track, agreement):
+            if self._doubts(track, estimate, agreement):
                 estimate, agreement = self._look_again(view, track, estimate, agreement)
             status = status_of(agreement, track.misses, self.settings.judge)
         track.accept(estimate, status)
@@ -297,10 +305,10 @@ class Tracker:
         track.method.restart(found[0])
         return found
 
-    def _doubts(self, track: Track, agreement: float) -> bool:
+    def _doubts(self, track: Track, estimate: Estimate, agreement: float) -> bool:
         """Whether to look anew: often while the fit is poor, now and then in any case."""
         judge = self.settings.judge
-        poor = agreement < judge.doubted_overlap
+        poor = agreement < judge.doubted_overlap or track.strains(estimate, judge.strained)
         turned = facing_of(track.estimate) != self.settings.facing
         track.doubts += 1
         every = judge.doubt_every if poor else judge.turned_every if turned else judge.check_every
