@@ -32,6 +32,11 @@ class JudgeSettings:
     turning_cost: float = 12.0
     """Energy by which the usual side must do better still to end a turn; thrice that to begin one
     that was tracked all the way."""
+    votes_to_turn: int = 2
+    """Looks running that must see the other side of the hand before it is believed: no hand turns
+    over from one frame to the next."""
+    vote_every: int = 3
+    """Frames between such looks."""
     turned_every: int = 20
     """Frames between two looks while the hand shows its unusual side."""
     check_every: int = 30

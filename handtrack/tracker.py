@@ -100,6 +100,7 @@ class Track:
         self.shift_mm = np.zeros(3)
         self.misses = 0
         self.doubts = 0
+        self.votes = 0  # looks running that saw the other side of the hand
         self.lost = False
         self.fresh = True
         self.energies: deque[float] = deque(maxlen=60)  # of the last tracked frames
@@ -300,8 +301,13 @@ class Tracker:
         margin = judge.cheaper_by + cost * turns
         cheaper = found[0].energy < searcher.energy(view, estimate) - margin
         if not better and not (as_good and cheaper):
+            track.votes = 0
             return estimate, agreement
-        track.fresh = True
+        if facing_of(found[0]) != facing_of(estimate) and track.votes + 1 < judge.votes_to_turn:
+            track.votes += 1
+            track.doubts = judge.doubt_every - judge.vote_every
+            return estimate, agreement
+        track.fresh, track.votes = True, 0
         track.method.restart(found[0])
         return found
 
@@ -311,7 +317,8 @@ class Tracker:
         poor = agreement < judge.doubted_overlap or track.strains(estimate, judge.strained)
         turned = facing_of(track.estimate) != self.settings.facing
         track.doubts += 1
-        every = judge.doubt_every if poor else judge.turned_every if turned else judge.check_every
+        every = judge.turned_every if turned else judge.check_every
+        every = judge.doubt_every if poor or track.votes else every
         if track.doubts < every:
             return False
         track.doubts = 0
