@@ -11,32 +11,30 @@ The tracked model is always a right hand; :mod:`handtrack.report` turns it into 
 """
 
 import time
-from collections import defaultdict, deque
+from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
-from typing import Literal, Protocol
+from dataclasses import dataclass, field
+from typing import Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack import rotation
 from handtrack.camera import Camera
+from handtrack.doubt import is_due, look_again, recover
 from handtrack.estimate import Estimate
-from handtrack.evidence.evidence import Evidence, see, window_around
-from handtrack.evidence.silhouette import Segmenter
+from handtrack.evidence.evidence import Evidence, see
 from handtrack.hand.shape import HandShape
 from handtrack.hand.space import ConfigurationSpace
 from handtrack.hand.space import default as default_space
 from handtrack.judge import JudgeSettings, confidence, overlap, status_of
-from handtrack.layers import Seen, Workings
+from handtrack.layers import Seen
 from handtrack.paper import PaperMethod, PaperSettings
-from handtrack.records import Frame, FrameResult, Pose, Status
+from handtrack.records import Frame, FrameResult, Status
 from handtrack.refine.view import View
 from handtrack.refined import RefinedMethod, RefinedSettings
 from handtrack.report import result_of
-from handtrack.seeds import facing_of, find_hand
 from handtrack.start import (
     Calibrate,
     Start,
@@ -45,12 +43,10 @@ from handtrack.start import (
     recalibrated,
     searched_start,
 )
+from handtrack.track import Method, Track
 from handtrack.window import window_for
 
 Image = NDArray[np.uint8]
-
-#: A palm that turns more than this in a frame was found otherwise: that is no motion.
-JUMP_DEG = 25.0
 
 
 @dataclass(frozen=True)
@@ -71,68 +67,6 @@ class TrackerSettings:
     judge: JudgeSettings = field(default_factory=JudgeSettings)
     refined: RefinedSettings = field(default_factory=RefinedSettings)
     paper: PaperSettings = field(default_factory=PaperSettings)
-
-
-class Method(Protocol):
-    """How a frame is worked out: the default's way, or the paper's."""
-
-    workings: Workings | None
-
-    def follow(self, view: View, predicted: Estimate, rng: np.random.Generator) -> Estimate:
-        """The hand in this frame, from where it was expected."""
-        ...
-
-    def restart(self, estimate: Estimate) -> None:
-        """Begin anew about an estimate that was found otherwise."""
-        ...
-
-
-class Track:
-    """A hand in track: its shape and side, where it is, and how it moves."""
-
-    def __init__(self, start: Start, searcher: RefinedMethod, method: Method) -> None:
-        self.shape, self.side, self.segmenter = start.shape, start.side, start.segmenter
-        self.searcher, self.method = searcher, method
-        method.restart(start.estimate)
-        self.estimate = start.estimate
-        self.calibrated = start.calibrated
-        self.turn = np.zeros(3)  # rotation vector per frame
-        self.shift_mm = np.zeros(3)
-        self.misses = 0
-        self.doubts = 0
-        self.votes = 0  # looks running that saw the other side of the hand
-        self.lost = False
-        self.fresh = True
-        self.energies: deque[float] = deque(maxlen=60)  # of the last tracked frames
-
-    def predicted(self) -> Estimate:
-        """Constant velocity of the palm, damped; the angles as they were."""
-        pose = self.estimate.pose
-        R = rotation.exp(0.5 * self.turn) @ pose.R
-        return replace(self.estimate, pose=Pose(R, pose.t_mm + 0.7 * self.shift_mm))
-
-    def strains(self, estimate: Estimate, factor: float) -> bool:
-        """Whether the energy is above what is usual of late by ``factor``."""
-        usual = np.median(self.energies) if len(self.energies) >= 15 else np.inf
-        return bool(estimate.energy > factor * usual)
-
-    def accept(self, estimate: Estimate, status: Status) -> None:
-        """Take an estimate over, with the motion it implies."""
-        before, pose = self.estimate.pose, estimate.pose
-        seen = status is Status.TRACKED
-        self.misses = 0 if seen else self.misses + 1
-        self.lost = status is Status.LOST
-        jumped = rotation.angle_between(pose.R, before.R) > np.radians(JUMP_DEG)
-        if seen and not self.fresh and not jumped:
-            self.turn = rotation.log(pose.R @ before.R.T)
-            self.shift_mm = pose.t_mm - before.t_mm
-        else:
-            self.turn, self.shift_mm = np.zeros(3), np.zeros(3)
-        self.fresh = not seen
-        if not self.lost:
-            self.estimate = estimate
-        if seen:
-            self.energies.append(estimate.energy)
 
 
 class Tracker:
@@ -237,8 +171,9 @@ class Tracker:
 
     def _follow(self, frame: Frame, filmed: Image, track: Track) -> FrameResult:
         image = np.ascontiguousarray(filmed[:, ::-1]) if track.side == "left" else filmed
+        judge, facing = self.settings.judge, self.settings.facing
         if track.lost:
-            self._recover(image, track)
+            recover(image, self._tracked_camera(track), track, judge, facing, self.rng)
         with self._timed("evidence"):
             predicted = track.predicted()
             evidence, view = self._see(image, track, predicted)
@@ -246,11 +181,12 @@ class Tracker:
             estimate = track.method.follow(view, predicted, self.rng)
             workings = track.method.workings
         with self._timed("judge"):
-            line_mm = self.settings.judge.wrist_line_mm
-            agreement = overlap(track.searcher.hand, estimate, view, line_mm)
-            if self._doubts(track, estimate, agreement):
-                estimate, agreement = self._look_again(view, track, estimate, agreement)
-            status = status_of(agreement, track.misses, self.settings.judge)
+            agreement = overlap(track.searcher.hand, estimate, view, judge.wrist_line_mm)
+            if is_due(track, estimate, agreement, judge, facing):
+                estimate, agreement = look_again(
+                    view, track, estimate, agreement, judge, facing, self.rng
+                )
+            status = status_of(agreement, track.misses, judge)
         track.accept(estimate, status)
         if status is Status.TRACKED:
             with self._timed("learn"):
@@ -263,7 +199,7 @@ class Tracker:
             frame,
             estimate,
             status,
-            confidence(agreement, self.settings.judge),
+            confidence(agreement, judge),
             track.side,
             track.shape,
             self.camera,
@@ -278,71 +214,6 @@ class Tracker:
 
     def _tracked_camera(self, track: Track) -> Camera:
         return self.camera.mirrored() if track.side == "left" else self.camera
-
-    def _look_again(
-        self, view: View, track: Track, estimate: Estimate, agreement: float
-    ) -> tuple[Estimate, float]:
-        """A search with no idea of the pose; what it finds must beat what was followed."""
-        judge, searcher = self.settings.judge, track.searcher
-        # a hand that is well in track faces as it did; else it faces as hands usually do
-        failed = agreement < judge.tracked_overlap
-        usual = self.settings.facing if failed else facing_of(estimate)
-        away = usual == self.settings.facing  # turning would show the side that is rarely shown
-        cost = judge.facing_cost if failed else judge.turning_cost * (3.0 if away else 1.0)
-        found = find_hand(
-            view, searcher, ("palm", "back"), self.rng,
-            known=track.estimate, usual=usual, facing_cost=cost,
-        )  # fmt: skip
-        if found is None:
-            return estimate, agreement
-        turns = not failed and facing_of(found[0]) != usual
-        better = not turns and found[1] > agreement + judge.better_by
-        as_good = found[1] > agreement - judge.better_by
-        margin = judge.cheaper_by + cost * turns
-        cheaper = found[0].energy < searcher.energy(view, estimate) - margin
-        if not better and not (as_good and cheaper):
-            track.votes = 0
-            return estimate, agreement
-        if facing_of(found[0]) != facing_of(estimate) and track.votes + 1 < judge.votes_to_turn:
-            track.votes += 1
-            track.doubts = judge.doubt_every - judge.vote_every
-            return estimate, agreement
-        track.fresh, track.votes = True, 0
-        track.method.restart(found[0])
-        return found
-
-    def _doubts(self, track: Track, estimate: Estimate, agreement: float) -> bool:
-        """Whether to look anew: often while the fit is poor, now and then in any case."""
-        judge = self.settings.judge
-        poor = agreement < judge.doubted_overlap or track.strains(estimate, judge.strained)
-        turned = facing_of(track.estimate) != self.settings.facing
-        track.doubts += 1
-        every = judge.turned_every if turned else judge.check_every
-        every = judge.doubt_every if poor or track.votes else every
-        if track.doubts < every:
-            return False
-        track.doubts = 0
-        return True
-
-    def _recover(self, image: Image, track: Track) -> None:
-        """Look for a lost hand in the whole frame."""
-        if track.misses % 3 != 0:
-            track.misses += 1
-            return
-        camera = self._tracked_camera(track)
-        segmenter = track.segmenter
-        anything = segmenter.find(image) or Segmenter.bootstrap(image, segmenter.background)
-        for candidate in anything[:2]:
-            evidence = see(image, window_around(candidate.mask), camera, track.segmenter)
-            found = find_hand(
-                View.of(evidence), track.searcher, ("palm", "back"), self.rng,
-                known=track.estimate, usual=self.settings.facing,
-                facing_cost=self.settings.judge.facing_cost,
-            )  # fmt: skip
-            if found is not None and found[1] > self.settings.judge.tracked_overlap:
-                track.estimate, track.fresh, track.misses = found[0], True, 0
-                track.method.restart(found[0])
-                return
 
     def _learn(
         self, image: Image, track: Track, evidence: Evidence, view: View, agreement: float

@@ -1,0 +1,101 @@
+"""When a hand in track is doubted, and what a look with no idea of the pose may change.
+
+Silhouettes can agree for a wrong hand, and a wrong hand that is followed stays wrong: so it is
+looked for anew now and then, and often while the fit is poor or the energy is well above what it
+was of late. What is found must beat what was followed. The other side of the hand must do so by
+more, and in two looks running, for no hand turns over from one frame to the next.
+"""
+
+import numpy as np
+
+from handtrack.camera import Camera
+from handtrack.estimate import Estimate
+from handtrack.evidence.evidence import see, window_around
+from handtrack.evidence.orientation import Image
+from handtrack.evidence.silhouette import Segmenter
+from handtrack.judge import JudgeSettings
+from handtrack.refine.view import View
+from handtrack.seeds import facing_of, find_hand
+from handtrack.track import Track
+
+#: A lost hand is looked for in one frame of so many.
+RECOVER_EVERY = 3
+
+
+def is_due(
+    track: Track, estimate: Estimate, agreement: float, judge: JudgeSettings, facing: str
+) -> bool:
+    """Whether to look anew in this frame; ``facing`` is the side that is usually shown."""
+    poor = agreement < judge.doubted_overlap or track.strains(estimate, judge.strained)
+    turned = facing_of(track.estimate) != facing
+    track.doubts += 1
+    every = judge.turned_every if turned else judge.check_every
+    every = judge.doubt_every if poor or track.votes else every
+    if track.doubts < every:
+        return False
+    track.doubts = 0
+    return True
+
+
+def look_again(
+    view: View,
+    track: Track,
+    estimate: Estimate,
+    agreement: float,
+    judge: JudgeSettings,
+    facing: str,
+    rng: np.random.Generator,
+) -> tuple[Estimate, float]:
+    """The estimate and its overlap, or those of a hand that explains the frame better."""
+    # a hand that is well in track faces as it did; else it faces as hands usually do
+    failed = agreement < judge.tracked_overlap
+    usual = facing if failed else facing_of(estimate)
+    away = usual == facing  # turning would show the side that is rarely shown
+    cost = judge.facing_cost if failed else judge.turning_cost * (3.0 if away else 1.0)
+    found = find_hand(
+        view, track.searcher, ("palm", "back"), rng,
+        known=track.estimate, usual=usual, facing_cost=cost,
+    )  # fmt: skip
+    if found is None:
+        return estimate, agreement
+    turns = not failed and facing_of(found[0]) != usual
+    better = not turns and found[1] > agreement + judge.better_by
+    as_good = found[1] > agreement - judge.better_by
+    margin = judge.cheaper_by + cost * turns
+    cheaper = found[0].energy < track.searcher.energy(view, estimate) - margin
+    if not better and not (as_good and cheaper):
+        track.votes = 0
+        return estimate, agreement
+    if facing_of(found[0]) != facing_of(estimate) and track.votes + 1 < judge.votes_to_turn:
+        track.votes += 1
+        track.doubts = judge.doubt_every - judge.vote_every
+        return estimate, agreement
+    track.fresh, track.votes = True, 0
+    track.method.restart(found[0])
+    return found
+
+
+def recover(
+    image: Image,
+    camera: Camera,
+    track: Track,
+    judge: JudgeSettings,
+    facing: str,
+    rng: np.random.Generator,
+) -> None:
+    """Look for a lost hand in the whole frame, now and then; where it is found, track it."""
+    if track.misses % RECOVER_EVERY != 0:
+        track.misses += 1
+        return
+    segmenter = track.segmenter
+    anything = segmenter.find(image) or Segmenter.bootstrap(image, segmenter.background)
+    for candidate in anything[:2]:
+        evidence = see(image, window_around(candidate.mask), camera, segmenter)
+        found = find_hand(
+            View.of(evidence), track.searcher, ("palm", "back"), rng,
+            known=track.estimate, usual=facing, facing_cost=judge.facing_cost,
+        )  # fmt: skip
+        if found is not None and found[1] > judge.tracked_overlap:
+            track.estimate, track.fresh, track.misses = found[0], True, 0
+            track.method.restart(found[0])
+            return

@@ -1,0 +1,82 @@
+"""A hand in track: what is carried from frame to frame, and what is expected of the next."""
+
+from collections import deque
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from handtrack import rotation
+from handtrack.estimate import Estimate
+from handtrack.layers import Workings
+from handtrack.records import Pose, Status
+from handtrack.refine.view import View
+from handtrack.refined import RefinedMethod
+from handtrack.start import Start
+
+#: A palm that turns more than this in a frame was found otherwise: that is no motion.
+JUMP_DEG = 25.0
+#: Frames over which an energy is usual, and how many of them it takes to say so.
+USUAL_FRAMES, FEWEST_FRAMES = 60, 15
+
+
+class Method(Protocol):
+    """How a frame is worked out: the default's way, or the paper's."""
+
+    workings: Workings | None
+
+    def follow(self, view: View, predicted: Estimate, rng: np.random.Generator) -> Estimate:
+        """The hand in this frame, from where it was expected."""
+        ...
+
+    def restart(self, estimate: Estimate) -> None:
+        """Begin anew about an estimate that was found otherwise."""
+        ...
+
+
+class Track:
+    """A hand in track: its shape and side, where it is, and how it moves."""
+
+    def __init__(self, start: Start, searcher: RefinedMethod, method: Method) -> None:
+        self.shape, self.side, self.segmenter = start.shape, start.side, start.segmenter
+        self.searcher, self.method = searcher, method
+        method.restart(start.estimate)
+        self.estimate = start.estimate
+        self.calibrated = start.calibrated
+        self.turn = np.zeros(3)  # rotation vector per frame
+        self.shift_mm = np.zeros(3)
+        self.misses = 0
+        self.doubts = 0
+        self.votes = 0  # looks running that saw the other side of the hand
+        self.lost = False
+        self.fresh = True
+        self.energies: deque[float] = deque(maxlen=USUAL_FRAMES)
+
+    def predicted(self) -> Estimate:
+        """Constant velocity of the palm, damped; the angles as they were."""
+        pose = self.estimate.pose
+        R = rotation.exp(0.5 * self.turn) @ pose.R
+        return replace(self.estimate, pose=Pose(R, pose.t_mm + 0.7 * self.shift_mm))
+
+    def strains(self, estimate: Estimate, factor: float) -> bool:
+        """Whether the energy is above what is usual of late by ``factor``."""
+        usual = np.median(self.energies) if len(self.energies) >= FEWEST_FRAMES else np.inf
+        return bool(estimate.energy > factor * usual)
+
+    def accept(self, estimate: Estimate, status: Status) -> None:
+        """Take an estimate over, with the motion it implies."""
+        before, pose = self.estimate.pose, estimate.pose
+        seen = status is Status.TRACKED
+        self.misses = 0 if seen else self.misses + 1
+        self.lost = status is Status.LOST
+        jumped = rotation.angle_between(pose.R, before.R) > np.radians(JUMP_DEG)
+        if seen and not self.fresh and not jumped:
+            self.turn = rotation.log(pose.R @ before.R.T)
+            self.shift_mm = pose.t_mm - before.t_mm
+        else:
+            self.turn, self.shift_mm = np.zeros(3), np.zeros(3)
+        self.fresh = not seen
+        if not self.lost:
+            self.estimate = estimate
+        if seen:
+            self.energies.append(estimate.energy)
