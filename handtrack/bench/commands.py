@@ -19,6 +19,7 @@ from handtrack.bench.plots import plot_comparison, plot_speed
 from handtrack.bench.ratchet import read_baseline, worsened, write_baseline
 from handtrack.bench.speed import time_likelihood, whole_run
 from handtrack.bench.suite import (
+    HandGiven,
     Result,
     Trial,
     as_document,
@@ -64,8 +65,8 @@ class Bench:
     """Methods to compare."""
     particles: int | None = None
     """Particles of the filters; by default each method's own number."""
-    true_hand: bool = False
-    """Hand over the true measures of the hand: no calibration."""
+    hand: HandGiven = "calibrated"
+    """The hand's measures: calibrated from the clip, its true ones, or the default adult's."""
     frames: int | None = None
     """Another length for every clip."""
     out: Path = Path("bench")
@@ -112,7 +113,7 @@ class Bench:
             raise InputError(f"--seeds {self.seeds}: at least one is needed")
         render = ClipCache(self.clips or self.out / "clips", self.frames)
         hidden = self.quiet or not sys.stderr.isatty()
-        runs = run_suite(todo, render, self.out, self.true_hand)
+        runs = run_suite(todo, render, self.out, self.hand)
         return list(tqdm(runs, total=len(todo), unit="clip", disable=hidden))
 
     def _foreign(self) -> Result:

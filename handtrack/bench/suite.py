@@ -11,13 +11,14 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from handtrack.bench.metrics import Scores, score
 from handtrack.bench.tracks import read_track, read_truth
 from handtrack.errors import InputError
+from handtrack.hand.shape import HandShape
 from handtrack.output.provenance import versions
 from handtrack.run import RunSettings, run_clip
 
@@ -42,6 +43,10 @@ SUITES["all"] = SUITES["paper"] + SUITES["smooth"] + SUITES["more"]
 #: Makes ``clip.mp4``, ``truth.npz``, ``camera.toml`` and ``shape.toml`` of a condition and a seed,
 #: or finds them made, and returns their folder.
 Render = Callable[[str, int], Path]
+
+
+#: Where the tracker has the measures of the hand from.
+HandGiven = Literal["calibrated", "true", "default"]
 
 
 @dataclass(frozen=True)
@@ -75,7 +80,7 @@ def trials(
     return [Trial(c, s, m, particles) for c in conditions for s in range(seeds) for m in methods]
 
 
-def run_trial(trial: Trial, clip: Path, out: Path, true_hand: bool = False) -> Result:
+def run_trial(trial: Trial, clip: Path, out: Path, hand: HandGiven = "calibrated") -> Result:
     """Follow the clip in the folder ``clip`` and score what was found against its truth.
 
     Parameters
@@ -85,14 +90,14 @@ def run_trial(trial: Trial, clip: Path, out: Path, true_hand: bool = False) -> R
         Folder with the clip and its truth.
     out : Path
         Folder for the tracker's results.
-    true_hand : bool
-        Hand over the true measures of the hand instead of calibrating from the clip.
+    hand : str
+        "calibrated" from the clip, or handed over: its "true" measures, or the "default" adult's.
     """
     settings = RunSettings(
         clip=clip / "clip.mp4",
         out=out,
         camera=clip / "camera.toml",
-        hand=clip / "shape.toml" if true_hand else None,
+        hand=_hand_file(hand, clip, out),
         facing="back" if trial.condition == "back" else "palm",
         method=trial.method,  # type: ignore[arg-type]
         particles=trial.particles,
@@ -111,13 +116,22 @@ def run_trial(trial: Trial, clip: Path, out: Path, true_hand: bool = False) -> R
     return Result(trial, scores)
 
 
+def _hand_file(hand: HandGiven, clip: Path, out: Path) -> Path | None:
+    if hand == "default":
+        out.parent.mkdir(parents=True, exist_ok=True)
+        path = out.parent / "default_hand.toml"
+        HandShape.default().save(path)
+        return path
+    return clip / "shape.toml" if hand == "true" else None
+
+
 def run_suite(
-    todo: Sequence[Trial], render: Render, out: Path, true_hand: bool = False
+    todo: Sequence[Trial], render: Render, out: Path, hand: HandGiven = "calibrated"
 ) -> Iterator[Result]:
     """The results of ``todo``, one after another; each leaves its tables in ``out``."""
     for trial in todo:
         clip = render(trial.condition, trial.seed)
-        yield run_trial(trial, clip, out / trial.name, true_hand)
+        yield run_trial(trial, clip, out / trial.name, hand)
 
 
 def summarise(results: Sequence[Result]) -> list[dict[str, Any]]:

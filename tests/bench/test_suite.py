@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -56,8 +55,11 @@ def render(tmp_path_factory):
 
 def scores_of(monkeypatch, render, out, **faults):
     truth = Truth.load(render("paper", 0) / "truth.npz")
-    make = partial(run_clip, make=lambda *_: Oracle(truth, **faults))
-    monkeypatch.setattr(suite, "run_clip", make)
+
+    def run_oracle(settings):  # as it says: its points are the true hand's, not the default's
+        return run_clip(replace(settings, steady_s=0.0), lambda *_: Oracle(truth, **faults))
+
+    monkeypatch.setattr(suite, "run_clip", run_oracle)
     return next(run_suite([Trial("paper", 0)], render, out)).scores
 
 
@@ -81,6 +83,14 @@ def test_shuffled_digits_are_caught(monkeypatch, render, tmp_path):
     got = scores_of(monkeypatch, render, tmp_path, order=(0, 2, 1, 4, 3))
     assert got["keypoints_px"] > 10
     assert got["bend_deg"] > 3
+
+
+def test_the_hand_that_is_handed_over(tmp_path):
+    clip, out = tmp_path / "clip", tmp_path / "out" / "a"
+    assert suite._hand_file("calibrated", clip, out) is None
+    assert suite._hand_file("true", clip, out) == clip / "shape.toml"
+    default = suite._hand_file("default", clip, out)
+    assert HandShape.load(default).length_mm.tolist() == HandShape.default().length_mm.tolist()
 
 
 def test_clips_are_rendered_once_and_again_when_the_scene_changes(render):
