@@ -3,7 +3,10 @@
 Silhouettes can agree for a wrong hand, and a wrong hand that is followed stays wrong: so it is
 looked for anew now and then, and often while the fit is poor or the energy is well above what it
 was of late. What is found must beat what was followed. The other side of the hand must do so by
-more, and in two looks running, for no hand turns over from one frame to the next.
+more, and in two looks running, for no hand turns over from one frame to the next. A hand found
+after a loss, perhaps while it is half in the picture, is young for a second: it is looked for anew
+from where it was trusted last. Where the side is a guess, a back that fits better than the palm
+says that it is the other hand.
 """
 
 import numpy as np
@@ -30,7 +33,8 @@ def is_due(
     turned = facing_of(track.estimate) != facing
     track.doubts += 1
     every = judge.turned_every if turned else judge.check_every
-    every = judge.doubt_every if poor or track.votes else every
+    unsure = poor or track.votes or track.young or track.side_looks
+    every = judge.doubt_every if unsure else every
     if track.doubts < every:
         return False
     track.doubts = 0
@@ -48,13 +52,17 @@ def look_again(
 ) -> tuple[Estimate, float]:
     """The estimate and its overlap, or those of a hand that explains the frame better."""
     # a hand that is well in track faces as it did; else it faces as hands usually do
-    failed = agreement < judge.tracked_overlap
+    failed = agreement < judge.tracked_overlap or track.young > 0
     usual = facing if failed else facing_of(estimate)
     away = usual == facing  # turning would show the side that is rarely shown
     cost = judge.facing_cost if failed else judge.turning_cost * (3.0 if away else 1.0)
+    guessed = track.side_looks > 0
+    if guessed:  # the palm of one hand is the back of the other: neither is the likelier
+        track.side_looks -= 1
+        cost = 0.0
     found = find_hand(
         view, track.searcher, ("palm", "back"), rng,
-        known=track.estimate, usual=usual, facing_cost=cost,
+        known=track.anchor, usual=usual, facing_cost=cost,
     )  # fmt: skip
     if found is None:
         return estimate, agreement
@@ -66,10 +74,12 @@ def look_again(
     if not better and not (as_good and cheaper):
         track.votes = 0
         return estimate, agreement
-    if facing_of(found[0]) != facing_of(estimate) and track.votes + 1 < judge.votes_to_turn:
+    turns_over = facing_of(found[0]) != facing_of(estimate) and not track.young
+    if turns_over and track.votes + 1 < judge.votes_to_turn:
         track.votes += 1
         track.doubts = judge.doubt_every - judge.vote_every
         return estimate, agreement
+    track.is_other_hand = guessed and turns_over
     track.fresh, track.votes = True, 0
     track.method.restart(found[0])
     return found
@@ -93,9 +103,8 @@ def recover(
         evidence = see(image, window_around(candidate.mask), camera, segmenter)
         found = find_hand(
             View.of(evidence), track.searcher, ("palm", "back"), rng,
-            known=track.estimate, usual=facing, facing_cost=judge.facing_cost,
+            known=track.anchor, usual=facing, facing_cost=judge.facing_cost,
         )  # fmt: skip
         if found is not None and found[1] > judge.tracked_overlap:
-            track.estimate, track.fresh, track.misses = found[0], True, 0
-            track.method.restart(found[0])
+            track.found_again(found[0])
             return

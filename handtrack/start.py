@@ -73,6 +73,8 @@ class StartSettings:
     """Share of its convex hull that a silhouette may fill to be believed, if it is not open."""
     min_margin: float = 0.015
     """Overlap by which one side must beat the other, where the side is not told."""
+    min_cheaper: float = 8.0
+    """And energy by which it must."""
 
 
 def calibrated_start(
@@ -146,9 +148,16 @@ def searched_start(
     if not starts or starts[0].overlap < settings.min_overlap:
         return None
     rivals = [s for s in starts[1:] if s.side != starts[0].side]
-    if rivals and starts[0].overlap - rivals[0].overlap < settings.min_margin:
+    if rivals and not _beats(starts[0], rivals, settings):
         return None  # either side would do: wait for a frame that tells
     return starts[0]
+
+
+def _beats(best: Start, rivals: list[Start], settings: StartSettings) -> bool:
+    """Whether the best start is of the right side beyond doubt, by overlap and by energy."""
+    closer = best.overlap - rivals[0].overlap >= settings.min_margin
+    cheapest = min(rival.estimate.energy for rival in rivals)
+    return closer and cheapest - best.estimate.energy >= settings.min_cheaper
 
 
 def solidity(mask: NDArray[np.bool_]) -> float:
@@ -171,13 +180,17 @@ def recalibrated(
     default: HandShape,
     facing: str,
     settings: StartSettings,
+    side: str | None = "right",
 ) -> Calibration | None:
-    """The shape from a tracked frame, if it shows an open palm; mirrored as the tracker is."""
+    """The shape from a tracked frame, if it shows an open palm; mirrored as the tracker is.
+
+    With ``side`` None the palm says which side it is: "left" if the wrong side is tracked.
+    """
     found: Calibration = calibrate(
         evidence.mask,
         evidence.camera,
         default=default,
-        side="right",
+        side=side,
         facing=facing,
         visible=evidence.visible,
     )

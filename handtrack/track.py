@@ -16,6 +16,10 @@ from handtrack.start import Start
 
 #: A palm that turns more than this in a frame was found otherwise: that is no motion.
 JUMP_DEG = 25.0
+#: Tracked frames after a loss in which a hand that was found again is young.
+YOUNG_FRAMES = 30
+#: Looks in which a guess of the side must hold.
+SIDE_LOOKS = 8
 #: Frames over which an energy is usual, and how many of them it takes to say so.
 USUAL_FRAMES, FEWEST_FRAMES = 60, 15
 
@@ -37,7 +41,9 @@ class Method(Protocol):
 class Track:
     """A hand in track: its shape and side, where it is, and how it moves."""
 
-    def __init__(self, start: Start, searcher: RefinedMethod, method: Method) -> None:
+    def __init__(
+        self, start: Start, searcher: RefinedMethod, method: Method, side_told: bool = True
+    ) -> None:
         self.shape, self.side, self.segmenter = start.shape, start.side, start.segmenter
         self.searcher, self.method = searcher, method
         method.restart(start.estimate)
@@ -47,6 +53,11 @@ class Track:
         self.shift_mm = np.zeros(3)
         self.misses = 0
         self.doubts = 0
+        self.young = 0  # frames in which what was found after a loss is not yet trusted
+        self.anchor = start.estimate  # what a look starts from: the last estimate that was trusted
+        #: Looks still to come that may find that it is the other hand, where the side is a guess.
+        self.side_looks = 0 if side_told or start.calibrated else SIDE_LOOKS
+        self.is_other_hand = False
         self.votes = 0  # looks running that saw the other side of the hand
         self.lost = False
         self.fresh = True
@@ -63,6 +74,14 @@ class Track:
         usual = np.median(self.energies) if len(self.energies) >= FEWEST_FRAMES else np.inf
         return bool(estimate.energy > factor * usual)
 
+    def found_again(self, estimate: Estimate) -> None:
+        """Go on from where a lost hand was found, without trusting it yet."""
+        if not self.young:
+            self.anchor = self.estimate
+        self.estimate, self.fresh, self.misses, self.votes = estimate, True, 0, 0
+        self.young = YOUNG_FRAMES
+        self.method.restart(estimate)
+
     def accept(self, estimate: Estimate, status: Status) -> None:
         """Take an estimate over, with the motion it implies."""
         before, pose = self.estimate.pose, estimate.pose
@@ -76,7 +95,10 @@ class Track:
         else:
             self.turn, self.shift_mm = np.zeros(3), np.zeros(3)
         self.fresh = not seen
+        self.young = max(self.young - seen, 0)
         if not self.lost:
             self.estimate = estimate
+        if not self.young:
+            self.anchor = self.estimate
         if seen:
             self.energies.append(estimate.energy)

@@ -35,6 +35,7 @@ from handtrack.records import Frame, FrameResult, Status
 from handtrack.refine.view import View
 from handtrack.refined import RefinedMethod, RefinedSettings
 from handtrack.report import result_of
+from handtrack.seeds import facing_of
 from handtrack.start import (
     Calibrate,
     Start,
@@ -99,6 +100,7 @@ class Tracker:
         self.rng = np.random.default_rng(settings.seed)
         self.track: Track | None = None
         self.waited = 0
+        self.side: str = settings.side  # what is told, or has been learned, or "auto"
         self.last_evidence: Evidence | None = None
         self.seen: Seen | None = None  # of the last frame that was followed
         self.timings_ms: dict[str, list[float]] = defaultdict(list)
@@ -155,19 +157,25 @@ class Tracker:
                 self.camera,
                 self.calibrate,
                 default,
-                s.side,
+                self.side,
                 s.facing,
                 s.start,
                 fit_shape=self.given is None,
             )
         if start is None and self.waited % 5 == 0:
             start = searched_start(
-                image, self.camera, self._searcher, default, s.side, s.facing, self.rng, s.start
+                image, self.camera, self._searcher, default, self.side, s.facing, self.rng, s.start
             )
         self.waited += 1
         if start is not None:
             searcher = self._searcher(start.shape)
-            self.track = Track(start, searcher, self._method(start.shape, searcher))
+            method = self._method(start.shape, searcher)
+            self.track = Track(start, searcher, method, side_told=self.side != "auto")
+
+    def _other_hand(self, track: Track) -> None:
+        """Begin anew, with the side that the track was not."""
+        self.side = "left" if track.side == "right" else "right"
+        self.track, self.waited = None, 0
 
     def _follow(self, frame: Frame, filmed: Image, track: Track) -> FrameResult:
         image = np.ascontiguousarray(filmed[:, ::-1]) if track.side == "left" else filmed
@@ -187,6 +195,9 @@ class Tracker:
                     view, track, estimate, agreement, judge, facing, self.rng
                 )
             status = status_of(agreement, track.misses, judge)
+        if track.is_other_hand:
+            self._other_hand(track)
+            return self.step(frame)
         track.accept(estimate, status)
         if status is Status.TRACKED:
             with self._timed("learn"):
@@ -228,11 +239,15 @@ class Tracker:
             track.segmenter.watch(image, evidence.mask, evidence.window)
         wanted = not track.calibrated and self.given is None and self.calibrate is not None
         if wanted and self.calibrate is not None and len(self.timings_ms["learn"]) % 5 == 0:
+            # an open palm that faces as it should tells the side, where that was a guess
+            sure = self.side != "auto" or facing_of(track.estimate) != self.settings.facing
             found = recalibrated(
                 evidence, self.calibrate, HandShape.default(), self.settings.facing,
-                self.settings.start,
+                self.settings.start, "right" if sure else None,
             )  # fmt: skip
-            if found is not None:
+            if found is not None and found.side == "left":
+                self._other_hand(track)
+            elif found is not None:
                 track.shape, track.calibrated = found.shape, True
                 track.searcher = self._searcher(found.shape)
                 track.method = self._method(found.shape, track.searcher)

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from calib.hand import calibrate_hand
+from handtrack import tracker as tracker_module
 from handtrack.hand.shape import HandShape
 from handtrack.hand.space import default
 from handtrack.records import Frame, FrameResult, Status
+from handtrack.start import StartSettings
 from handtrack.tracker import Tracker, TrackerSettings
 from synth.actor import make_actor
 from synth.clip import frames
@@ -80,6 +82,23 @@ def test_a_hand_that_goes_is_lost_and_found_when_it_comes_back(right) -> None:
     assert results[23].status is Status.LOST
     assert np.isnan(results[23].theta).all()
     assert results[-1].status is Status.TRACKED
+
+
+def test_a_wrong_guess_of_the_side_is_found_out(right, monkeypatch) -> None:
+    """Begun as a left hand, the right palm fits best as the left hand's back: it is the other."""
+    images, scene = right
+    search = tracker_module.searched_start
+
+    def guess_left(image, camera, make, shape, side, *rest):
+        return search(image, camera, make, shape, "left" if side == "auto" else side, *rest)
+
+    monkeypatch.setattr(tracker_module, "searched_start", guess_left)
+    easy = TrackerSettings(start=StartSettings(min_overlap=0.5, max_solidity=1.0))
+    tracker = Tracker(easy, scene.camera, None, default(), calibrate=None)
+    clip = [*images[:4], *[images[4]] * 12]
+    sides = [tracker.step(Frame(k, k / 30, image)).side for k, image in enumerate(clip)]
+    assert sides[0] == "left"
+    assert sides[-1] == "right"
 
 
 def test_frames_that_cannot_be_decoded_are_said_to_be(right) -> None:
