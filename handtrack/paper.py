@@ -4,11 +4,16 @@ One frame, from the prediction::
 
     palm     orthographic ICP of the cardboard palm's outline on the edges, wrist and finger
              roots held weakly where they were; both tilts
-    fingers  100 particles along the lines between basis states, weighed by edges and silhouette
-    palm     again, with the fingertips (and the first joints) as extra points
+    fingers  100 particles along the lines between basis states, weighed by edges and silhouette,
+             which are let in in layers
+    palm     again, with the fingertips as extra points and the fingers' sides as outline, and
+             now with the known camera
     ...      until both rest, or ``rounds`` are over
 
-The fingers choose between the tilts: each has its palm scored with them. ``condensation`` and
+The fingers choose between the tilts: each has its palm scored with them, less what it would have
+turned. Two sides of a palm seen nearly from the front say next to nothing of its tilt, so every
+fit of the palm is held near the prediction: that, and the camera from the second round on, is
+where this departs from the paper. ``condensation`` and
 ``random`` take the particles' place with the paper's two other schemes. What a clip begins with,
 and what is done about a lost hand, is as in :class:`~handtrack.refined.RefinedMethod`.
 """
@@ -27,6 +32,7 @@ from handtrack.fingers.densities import Gaussians
 from handtrack.fingers.dynamics import Dynamics
 from handtrack.fingers.filter import Filter, FilterSettings, ParticleFilter, Posterior
 from handtrack.fingers.likelihood import FingerLikelihood, LikelihoodSettings
+from handtrack.fingers.sides import visible_sides
 from handtrack.hand.kinematics import keypoints_mm
 from handtrack.hand.shape import HandShape
 from handtrack.hand.skeleton import TIPS
@@ -43,9 +49,16 @@ Array = NDArray[np.float64]
 Scheme = Literal["paper", "condensation", "random"]
 #: Samples of each scheme in the paper's comparison.
 PUBLISHED: dict[str, int] = {"paper": 100, "condensation": 3000, "random": 5000}
+#: Layers in which our particles let the likelihood in.
+LAYERS = 6
 
 #: Spread of the particles about an estimate that was found otherwise, as a share of the space's.
 START_SHARE = 0.3
+
+
+def _near(solver: Literal["perspective", "orthographic"], gate_mm: float) -> IcpSettings:
+    """A fit of the palm that is held near the prediction: a palm moves so far in a frame."""
+    return IcpSettings(solver, gate_mm=gate_mm, prior_rotation_deg=3.0, prior_shift_mm=10.0)
 
 
 @dataclass(frozen=True)
@@ -62,10 +75,16 @@ class PaperSettings:
     """Weight of the wrist and of each finger root where the last frame has them."""
     tip_reach_px: float = 10.0
     """How far from a predicted fingertip its image may be, in pixels of the window."""
+    bones: int = 3
+    """Bones of each finger, from its root, whose sides go back to the palm; 0 for none."""
+    turn_std_deg: float = 4.0
+    """How far the palm turns from its prediction when the fingers choose between the tilts."""
     still_deg: float = 0.3
     """Palm and fingers rest when they turn by less."""
-    icp: IcpSettings = field(default_factory=lambda: IcpSettings(solver="orthographic"))
-    """The palm's fit."""
+    icp: IcpSettings = field(default_factory=lambda: _near("orthographic", 30.0))
+    """The palm's fit in the first round, the paper's."""
+    again: IcpSettings = field(default_factory=lambda: _near("perspective", 10.0))
+    """And from the second round on, near what was found: refined with the known camera."""
     likelihood: LikelihoodSettings = field(default_factory=LikelihoodSettings)
     """The fingers' likelihood."""
 
@@ -84,7 +103,7 @@ class PaperMethod(RefinedMethod):
     ) -> None:
         super().__init__(shape, space, settings)
         self.paper = paper or PaperSettings()
-        self.surface = Cardboard(shape)
+        self.surface = self.cardboard = Cardboard(shape)
         self.filter = make_filter(scheme, particles or PUBLISHED[scheme], space)
         self.takes_best = scheme == "random"
         self.matched = np.empty((0, 4))  # the last palm's pairs: image, outline
@@ -97,11 +116,13 @@ class PaperMethod(RefinedMethod):
 
     def follow(self, view: View, predicted: Estimate, rng: np.random.Generator) -> Estimate:
         """The hand in this frame, from where it was expected."""
-        pose, theta = self.moved(view, predicted), predicted.theta
+        start, theta = self.moved(view, predicted), predicted.theta
+        pose = start
         for k in range(self.paper.rounds):
             before = pose, theta
-            tilts = self._palm(view, pose, theta, with_tips=k > 0 and self.paper.fingertips)
-            pose, posterior = self._fingers(view, tilts, theta, rng, again=k > 0)
+            with_tips = k > 0 and self.paper.fingertips
+            tilts = self._palm(view, start, pose, theta, with_tips)
+            pose, posterior = self._fingers(view, start, tilts, theta, rng, again=k > 0)
             X = posterior.map_X if self.takes_best else posterior.mean
             theta = np.asarray(self.space.to_angles(X))
             if k > 0 and self._rests(*before, pose, theta):
@@ -109,27 +130,46 @@ class PaperMethod(RefinedMethod):
         self.workings = self._workings(posterior, pose)
         return Estimate(pose, theta, self._spread(posterior), posterior.ess)
 
-    def _palm(self, view: View, pose: Pose, theta: Array, with_tips: bool) -> tuple[Pose, ...]:
+    def _palm(
+        self, view: View, start: Pose, pose: Pose, theta: Array, with_tips: bool
+    ) -> tuple[Pose, ...]:
         """Both tilts of the palm on the edges of the view."""
         camera = _camera_of(view)
         points = np.concatenate([view.contour, view.inner[:, :2]])
         normals = np.concatenate([view.normal, view.inner[:, 2:4]])
         above = view.above_wrist(points, pose, self.settings.energy.wrist_line_mm)
-        outline = palm_outline(self.shape, theta)
+        points_mm, across, along = self._outline(view, pose, theta, with_sides=with_tips)
         extra = self._roots(pose, camera)
         if with_tips:
             tips = self._tips(view, pose, theta, camera)
-            points_mm, images, weights = (np.concatenate(p) for p in zip(extra, tips, strict=True))
-            extra = points_mm, images, weights
-        found = icp(*outline, points[above], normals[above], pose, camera, extra, self.paper.icp)
+            known_mm, images, weights = (np.concatenate(p) for p in zip(extra, tips, strict=True))
+            extra = known_mm, images, weights
+        settings = self.paper.again if with_tips else self.paper.icp
+        found = icp(
+            points_mm, across, points[above], normals[above], pose, camera, extra, settings,
+            along, expected=start,
+        )  # fmt: skip
         model, edge = found.matches.T
-        on_model = camera.project(found.poses[0] @ outline[0][model])
+        on_model = camera.project(found.poses[0] @ points_mm[model])
         self.matched = np.column_stack([points[above][edge], on_model])
         return found.poses if found.status.usable else (pose,)
+
+    def _outline(
+        self, view: View, pose: Pose, theta: Array, with_sides: bool
+    ) -> tuple[Array, Array, Array]:
+        """Points of the palm's outline, and of the fingers' sides, with normals and tangents."""
+        points, across = palm_outline(self.shape, theta)
+        own = points, across, np.cross([0.0, 0.0, 1.0], across)
+        if not with_sides or self.paper.bones == 0:
+            return own
+        sides = visible_sides(self.cardboard, theta, pose, view.intrinsics, self.paper.bones)
+        points, across, along = (np.concatenate(both) for both in zip(own, sides, strict=True))
+        return points, across, along
 
     def _fingers(
         self,
         view: View,
+        start: Pose,
         tilts: tuple[Pose, ...],
         theta: Array,
         rng: np.random.Generator,
@@ -139,7 +179,9 @@ class PaperMethod(RefinedMethod):
         terms = [
             FingerLikelihood(self.surface, view, tilt, self.paper.likelihood) for tilt in tilts
         ]
-        best = int(np.argmax([term(theta[None])[0] for term in terms]))
+        turns = np.array([rotation.angle_between(start.R, tilt.R) for tilt in tilts])
+        prior = -0.5 * (turns / np.radians(self.paper.turn_std_deg)) ** 2
+        best = int(np.argmax(prior + [term(theta[None])[0] for term in terms]))
         posterior = self.filter.step(
             rng, lambda X: terms[best](self.space.to_angles(X)), again=again
         )
@@ -195,7 +237,7 @@ def make_filter(scheme: str, particles: int, space: ConfigurationSpace) -> Filte
     """The scheme with so many samples; the walks of all are the prior's own."""
     dynamics = Dynamics.about(space)
     if scheme == "paper":
-        return ParticleFilter(dynamics, FilterSettings(particles=particles))
+        return ParticleFilter(dynamics, FilterSettings(particles, ess_share=0.25, layers=LAYERS))
     if scheme == "condensation":
         return Condensation(dynamics.M0(), dynamics.sigma, particles)
     spread = 1.5 * np.sqrt(space.variance)

@@ -3,9 +3,11 @@
 Edges. From each sample on a patch's lateral side a line is searched along the normal. With edges at
 offsets ``z_m`` and Poisson clutter of density ``lambda``, missing with probability ``q``::
 
-    p(z | x) = 1 + (1 - q) / (sqrt(2 pi) sigma q lambda) sum_m exp(-z_m^2 / (2 sigma^2))
+    p(z | x) = q + (1 - q) / (sqrt(2 pi) sigma lambda) sum_m exp(-z_m^2 / (2 sigma^2))
 
-up to a constant. Samples hidden behind a nearer patch do not vote (the occlusion map).
+in units of what clutter alone would give. Samples hidden behind a nearer patch do not vote (the
+occlusion map), that is, their share is 1: so a sample that should be seen and is not counts
+against the configuration, and showing many sides is no merit in itself.
 
 Silhouette. ``area``, the paper's term, compares bare areas and cannot tell a hand from its shifted
 copy; ``xor`` compares where they differ. A product over hundreds of dependent points is far too
@@ -42,7 +44,7 @@ class LikelihoodSettings:
     """Probability q that a true edge is not found."""
     clutter_per_px: float = 0.06
     """Density lambda of clutter along a measurement line."""
-    silhouette_std: float = 0.02
+    silhouette_std: float = 0.004
     """Scale of the silhouettes' difference, as a share of the hand's area."""
 
 
@@ -55,7 +57,7 @@ def edge_term(patches: Patches, view: View, settings: LikelihoodSettings) -> Arr
     _edges(
         patches.corners, patches.depth_mm, patches.sample, patches.normal, patches.sample_patch,
         patches.digit, patches.bone, view.edge_strength, view.edge_x, view.edge_y, view.valid,
-        settings.edge_sigma_px, settings.reach_px, gain, out,
+        settings.edge_sigma_px, settings.reach_px, settings.missing, gain, out,
     )  # fmt: skip
     return out
 
@@ -118,7 +120,7 @@ def _inside(x, y, corners):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def _hidden(x, y, own, corners, depth, digit, bone):  # type: ignore[no-untyped-def]
+def hidden(x, y, own, corners, depth, digit, bone):  # type: ignore[no-untyped-def]
     """Whether a sample is covered by a nearer patch, or runs inside the same piece of skin."""
     for p in range(len(corners)):
         if p == own:
@@ -132,7 +134,7 @@ def _hidden(x, y, own, corners, depth, digit, bone):  # type: ignore[no-untyped-
 @numba.njit(cache=True, nogil=True)
 def _edges(  # type: ignore[no-untyped-def]
     corners, depth, sample, normal, sample_patch, digit, bone,
-    strength, edge_x, edge_y, valid, sigma, reach, gain, out,
+    strength, edge_x, edge_y, valid, sigma, reach, missing, gain, out,
 ):  # fmt: skip
     kernel = np.exp(-0.5 * (np.arange(reach + 1) / sigma) ** 2)
     for n in range(len(corners)):
@@ -142,7 +144,7 @@ def _edges(  # type: ignore[no-untyped-def]
             nx, ny = normal[n, s, 0], normal[n, s, 1]
             if x < valid[0] or y < valid[1] or x > valid[2] - 1 or y > valid[3] - 1:
                 continue
-            if _hidden(x, y, sample_patch[s], corners[n], depth[n], digit, bone):
+            if hidden(x, y, sample_patch[s], corners[n], depth[n], digit, bone):
                 continue
             evidence = 0.0
             for k in range(-reach, reach + 1):
@@ -152,5 +154,5 @@ def _edges(  # type: ignore[no-untyped-def]
                 if strength[i, j] > 0.05:
                     along = abs(edge_x[i, j] * nx + edge_y[i, j] * ny)
                     evidence = max(evidence, strength[i, j] * along * along * kernel[abs(k)])
-            total += np.log(1.0 + gain * evidence)
+            total += np.log(missing * (1.0 + gain * evidence))
         out[n] = total

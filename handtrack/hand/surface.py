@@ -99,9 +99,9 @@ class Cardboard:
         n_open = int(self.open_side.sum())
         self.sample_patch = np.append(sides, np.full(n_open * SAMPLES_PER_SIDE, 15))
 
-    def patches(self, theta: Array, pose: Pose, intrinsics: Array) -> Patches:
-        """See :class:`Surface`."""
-        n, V = len(theta), max(4, len(self.palm_mm))
+    def sides_mm(self, theta: Array) -> Array:
+        """Both ends ``(n, 5, 4, 2, 3)`` across each joint of angles ``(n, 20)``, palm frame."""
+        n = len(theta)
         joints = keypoints_mm(theta, self.shape)[:, 1:].reshape(n, 5, 4, 3)
         sin, cos = np.sin(theta.reshape(n, 5, 4)[..., 1]), np.cos(theta.reshape(n, 5, 4)[..., 1])
         straight = np.stack([sin, cos, np.zeros_like(cos)], axis=-1)  # Rz(-a) y
@@ -109,7 +109,12 @@ class Cardboard:
         across = np.cross(straight, [0.0, 0.0, 1.0])[:, :, None]  # (n, 5, 1, 3)
         across /= np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-9)
         half = self.shape.radius_mm[..., None] * across
-        X = np.stack([pose @ (joints + half), pose @ (joints - half)], axis=3)  # (n, 5, 4, 2, 3)
+        return np.stack([joints + half, joints - half], axis=3)
+
+    def patches(self, theta: Array, pose: Pose, intrinsics: Array) -> Patches:
+        """See :class:`Surface`."""
+        n, V = len(theta), max(4, len(self.palm_mm))
+        X = pose @ self.sides_mm(theta)
         px = project(X, intrinsics)
         a, b = px[:, :, :3], px[:, :, 1:]  # a bone's near and far end
         quads = np.stack([a[..., 0, :], b[..., 0, :], b[..., 1, :], a[..., 1, :]], axis=3)

@@ -73,9 +73,9 @@ class IcpSettings:
     tangential: float = 0.03
     """What an error along the edge counts against one across it."""
     prior_rotation_deg: float = 25.0
-    """How far the palm may turn from the start, one standard deviation (perspective only)."""
+    """How far the palm may turn from where it is expected, one standard deviation."""
     prior_shift_mm: float = 40.0
-    """How far it may shift, one standard deviation (perspective only)."""
+    """See ``prior_rotation_deg``."""
     min_matches: int = 8
     """Fewer matches of the outline determine nothing (but three extra points do)."""
     tie: float = 0.6
@@ -159,6 +159,8 @@ def icp(
     camera: Camera,
     extra: tuple[ArrayLike, ArrayLike, ArrayLike] | None = None,
     settings: IcpSettings | None = None,
+    tangents: Array | None = None,
+    expected: Pose | None = None,
 ) -> IcpResult:
     """Fit the palm's outline to edge points, from ``start``.
 
@@ -175,6 +177,8 @@ def icp(
         Pairs that are known, an outline sample's weight being 1; images that are not finite
         are left out.
     settings : IcpSettings, optional
+    tangents, expected : optional
+        The outline's, where it leaves the plane; what the first prior is about, if not ``start``.
 
     Raises
     ------
@@ -182,30 +186,30 @@ def icp(
         Shapes that do not go together.
     """
     problem = _Problem(
-        Outline(np.asarray(outline_mm, float), np.asarray(outline_normals, float)),
+        Outline(np.asarray(outline_mm, float), np.asarray(outline_normals, float), tangents),
         EdgePoints(edge_points_px, edge_normals),
         ExtraPoints.of(extra),
         start,
         camera,
         settings or IcpSettings(),
     )
-    s = problem.settings
     if not _is_pose(start):
         return _result(problem, [_failed(start, PalmStatus.BAD_START, 0)])
-    first = _rounds(problem, start, 0)
+    first = _rounds(problem, start, 0, expected or start)
     if not first.status.usable:
         return _result(problem, [first])
     centre = problem.outline.centre_mm
-    other = other_tilt(first.pose, centre, line_of_sight=s.solver == "perspective")
-    second = _rounds(problem, other, s.rounds // 2)
+    perspective = problem.settings.solver == "perspective"
+    other = other_tilt(first.pose, centre, line_of_sight=perspective)
+    # its prior is about itself
+    second = _rounds(problem, other, problem.settings.rounds // 2, other)
     return _result(problem, [first, second] if second.status.usable else [first])
 
 
-def _rounds(problem: _Problem, begin: Pose, first_round: int) -> _Track:
+def _rounds(problem: _Problem, begin: Pose, first_round: int, expected: Pose) -> _Track:
     """Correspond, reject, reduce, solve, until at rest."""
     s, outline, edges, camera = problem.settings, problem.outline, problem.edges, problem.camera
-    # the prior of the other tilt is about that tilt
-    prior = PosePrior(begin, np.radians(s.prior_rotation_deg), s.prior_shift_mm)
+    prior = PosePrior(expected, np.radians(s.prior_rotation_deg), s.prior_shift_mm)
     track = _failed(begin, PalmStatus.TOO_FEW_POINTS, 0)
     pose = begin
     for done, k in enumerate(range(first_round, s.rounds), start=1):
@@ -224,7 +228,7 @@ def _rounds(problem: _Problem, begin: Pose, first_round: int) -> _Track:
         if (k > 0 or few) and len(problem.extra.weights):
             pairs = pairs.joined(reduce_extra(problem.extra, pose, camera, scale))
         if s.solver == "orthographic":
-            solved = solve_orthographic(pairs, pose, camera)
+            solved = solve_orthographic(pairs, pose, camera, prior)
         else:
             solved = solve_perspective(pairs, pose, camera, prior)
         if solved is None:

@@ -89,7 +89,9 @@ def _covered(points: Array, shape: HandShape, theta: Array) -> NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """Points and outward unit normals ``(n, 3)`` in the palm's plane.
+    """Points and outward unit normals ``(n, 3)``, and unit tangents of the outline there.
+
+    Without tangents the points are in the palm's plane, and tangents are ``z`` cross normal.
 
     Raises
     ------
@@ -99,10 +101,14 @@ class Outline:
 
     points_mm: Array
     normals: Array
+    tangents: Array | None = None
     centre_mm: Array = field(init=False)  # (3,) mean of the points
 
     def __post_init__(self) -> None:
-        for name in ("points_mm", "normals"):
+        if self.tangents is None:
+            x, y = np.asarray(self.normals, float).T[:2]
+            object.__setattr__(self, "tangents", np.column_stack([-y, x, 0 * x]))
+        for name in ("points_mm", "normals", "tangents"):
             array = np.ascontiguousarray(getattr(self, name), float)
             object.__setattr__(self, name, array)
             if array.ndim != 2 or array.shape[1] != 3 or len(array) != len(self.points_mm):
@@ -125,22 +131,22 @@ class Outline:
         K = np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px])
         pixels, normals = np.empty((len(self.points_mm), 2)), np.empty((len(self.points_mm), 2))
         depth = float((pose @ self.centre_mm)[2]) if orthographic else 0.0
-        args = (pose.R, pose.t_mm, self.points_mm, self.normals, K, depth)
+        args = (pose.R, pose.t_mm, self.points_mm, self.normals, self.tangents, K, depth)
         in_front = _project_outline(*args, pixels, normals)
         return (pixels, normals) if in_front and (depth > 0 or not orthographic) else None
 
 
 @numba.njit(cache=True)
-def _project_outline(R, t, points, normals, K, depth, pixels, out):  # type: ignore[no-untyped-def]
+def _project_outline(R, t, points, normals, tangents, K, depth, pixels, out):  # type: ignore[no-untyped-def]
     """Fill pixels and image normals; ``depth`` above zero is everybody's. False if behind."""
     X, N, T = np.empty(3), np.empty(3), np.empty(3)
     flat = depth > 0
     for n in range(len(points)):
-        p, m = points[n], normals[n]
+        p, m, s = points[n], normals[n], tangents[n]
         for i in range(3):
             X[i] = R[i, 0] * p[0] + R[i, 1] * p[1] + R[i, 2] * p[2] + t[i]
             N[i] = R[i, 0] * m[0] + R[i, 1] * m[1] + R[i, 2] * m[2]
-            T[i] = R[i, 1] * m[0] - R[i, 0] * m[1]  # the tangent, z cross the normal
+            T[i] = R[i, 0] * s[0] + R[i, 1] * s[1] + R[i, 2] * s[2]
         Z = depth if flat else X[2]
         if not Z > 0:
             return False

@@ -1,10 +1,12 @@
 """The likelihood: raster against OpenCV, silhouettes, edges, and who hides whom."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 
-from handtrack.fingers.likelihood import FingerLikelihood, LikelihoodSettings
+from handtrack.fingers.likelihood import FingerLikelihood, LikelihoodSettings, edge_term
 from handtrack.fingers.raster import GRID, WORDS, fill_capsule, fill_convex, pack_bits, popcount
 from handtrack.fingers.silhouette import SilhouetteBits, capsule_overlap
 from handtrack.hand.shape import HandShape
@@ -130,3 +132,18 @@ def test_overlap_is_one_for_the_truth_and_falls_with_a_shift(seen) -> None:
     values = capsule_overlap(surface.hand, np.tile(theta, (4, 1)), R, t, K, bits, 6.0)
     assert values[0] > 0.95
     assert (np.diff(values) < 0).all()
+
+
+def test_a_side_that_should_be_seen_and_is_not_counts_against_the_hand(seen) -> None:
+    """In a frame without any edge each visible sample is a miss, and a hidden one is nothing."""
+    view, _ = seen
+    blank = replace(view, edge_strength=np.zeros_like(view.edge_strength))
+    surface, settings = Cardboard(HandShape.default()), LikelihoodSettings(missing=0.2)
+    flat, fist = np.zeros((1, 20)), np.zeros((1, 20))
+    fist[0, [4, 6, 7, 8, 10, 11, 12, 14, 15, 16, 18, 19]] = 1.4
+    misses = []
+    for theta in (flat, fist):
+        patches = surface.patches(theta, POSE, K)
+        misses.append(edge_term(patches, blank, settings)[0] / np.log(settings.missing))
+    np.testing.assert_allclose(misses, np.round(misses), atol=1e-9)
+    assert 0 < misses[1] < misses[0] <= len(surface.sample_patch)
