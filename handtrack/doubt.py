@@ -16,10 +16,10 @@ from handtrack.estimate import Estimate
 from handtrack.evidence.evidence import see, window_around
 from handtrack.evidence.orientation import Image
 from handtrack.evidence.silhouette import Segmenter
+from handtrack.in_track import Track
 from handtrack.judge import JudgeSettings
 from handtrack.refine.view import View
 from handtrack.seeds import facing_of, find_hand
-from handtrack.track import Track
 
 #: A lost hand is looked for in one frame of so many.
 RECOVER_EVERY = 3
@@ -52,10 +52,11 @@ def look_again(
 ) -> tuple[Estimate, float]:
     """The estimate and its overlap, or those of a hand that explains the frame better."""
     # a hand that is well in track faces as it did; else it faces as hands usually do
-    failed = agreement < judge.tracked_overlap or track.young > 0
+    failed = agreement < judge.tracked_overlap or track.young > 0 or track.voted_lost
     usual = facing if failed else facing_of(estimate)
     away = usual == facing  # turning would show the side that is rarely shown
-    cost = judge.facing_cost if failed else judge.turning_cost * (3.0 if away else 1.0)
+    cost = judge.turning_cost if away else judge.returning_cost
+    cost = judge.facing_cost if failed else cost
     guessed = track.side_looks > 0
     if guessed:  # the palm of one hand is the back of the other: neither is the likelier
         track.side_looks -= 1
@@ -72,15 +73,16 @@ def look_again(
     margin = judge.cheaper_by + cost * turns
     cheaper = found[0].energy < track.searcher.energy(view, estimate) - margin
     if not better and not (as_good and cheaper):
-        track.votes = 0
+        track.votes, track.voted_lost = 0, False
         return estimate, agreement
     turns_over = facing_of(found[0]) != facing_of(estimate) and not track.young
     if turns_over and track.votes + 1 < judge.votes_to_turn:
         track.votes += 1
+        track.voted_lost = failed  # the next look asks the same question
         track.doubts = judge.doubt_every - judge.vote_every
         return estimate, agreement
     track.is_other_hand = guessed and turns_over
-    track.fresh, track.votes = True, 0
+    track.fresh, track.votes, track.voted_lost = True, 0, False
     track.method.restart(found[0])
     return found
 

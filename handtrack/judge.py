@@ -29,15 +29,16 @@ class JudgeSettings:
     """Energy by which it must, where the overlaps are alike."""
     facing_cost: float = 25.0
     """Energy by which a lost hand's unusual side must do better than its usual one."""
-    turning_cost: float = 12.0
-    """Energy by which the usual side must do better still to end a turn; thrice that to begin one
-    that was tracked all the way."""
+    turning_cost: float = 36.0
+    """Energy by which the unusual side must do better still to begin a turn that was tracked."""
+    returning_cost: float = 4.0
+    """And the usual side to end one."""
     votes_to_turn: int = 2
     """Looks running that must see the other side of the hand before it is believed: no hand turns
     over from one frame to the next."""
     vote_every: int = 3
     """Frames between such looks."""
-    turned_every: int = 20
+    turned_every: int = 10
     """Frames between two looks while the hand shows its unusual side."""
     check_every: int = 30
     """Frames between two looks while all seems well: silhouettes can agree for a wrong hand."""

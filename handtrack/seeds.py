@@ -172,16 +172,17 @@ def draw_seeds(
 def draw_directions(view: View, n: int, rng: np.random.Generator, known: Estimate | None) -> Array:
     """Angles ``(n,)`` in the image by which the fingers' direction is turned from straight up.
 
-    Arms do not turn over: about a known direction, or else away from where the silhouette leaves
-    the frame, the angles are within 100 deg; with neither, anywhere.
+    Arms do not turn over: the angles are within 100 deg of a known direction or of the one away
+    from where the silhouette leaves the frame, half of them each; with neither, anywhere.
     """
+    ways = [from_the_border(view)]
     if known is not None:
-        x, y = known.pose.R[0, 1], known.pose.R[1, 1]
-    else:
-        x, y = from_the_border(view)
-    if x == 0 and y == 0:
+        ways.append((float(known.pose.R[0, 1]), float(known.pose.R[1, 1])))
+    ways = [way for way in ways if way != (0.0, 0.0)]
+    if not ways:
         return rng.uniform(-np.pi, np.pi, n)
-    return np.asarray(np.arctan2(x, -y) + rng.uniform(-1, 1, n) * np.radians(100))
+    about = np.array([np.arctan2(x, -y) for x, y in ways])[np.arange(n) % len(ways)]
+    return np.asarray(about + rng.uniform(-1, 1, n) * np.radians(100))
 
 
 def from_the_border(view: View) -> tuple[float, float]:

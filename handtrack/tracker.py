@@ -28,6 +28,7 @@ from handtrack.evidence.evidence import Evidence, see
 from handtrack.hand.shape import HandShape
 from handtrack.hand.space import ConfigurationSpace
 from handtrack.hand.space import default as default_space
+from handtrack.in_track import Method, Track
 from handtrack.judge import JudgeSettings, confidence, overlap, status_of
 from handtrack.layers import Seen
 from handtrack.paper import PaperMethod, PaperSettings
@@ -44,7 +45,6 @@ from handtrack.start import (
     recalibrated,
     searched_start,
 )
-from handtrack.track import Method, Track
 from handtrack.window import window_for
 
 Image = NDArray[np.uint8]

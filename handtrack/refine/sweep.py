@@ -34,7 +34,7 @@ EXPLAINED_PX = 0.5
 class SweepSettings:
     """How many samples a digit gets, and where they are drawn."""
 
-    samples: int = 90
+    samples: int = 60
     """Samples for each digit."""
     near_share: float = 0.35
     """Share drawn around the current angles."""

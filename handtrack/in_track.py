@@ -59,6 +59,7 @@ class Track:
         self.side_looks = 0 if side_told or start.calibrated else SIDE_LOOKS
         self.is_other_hand = False
         self.votes = 0  # looks running that saw the other side of the hand
+        self.voted_lost = False  # whether the first of them was at a fit that had failed
         self.lost = False
         self.fresh = True
         self.energies: deque[float] = deque(maxlen=USUAL_FRAMES)
@@ -78,7 +79,8 @@ class Track:
         """Go on from where a lost hand was found, without trusting it yet."""
         if not self.young:
             self.anchor = self.estimate
-        self.estimate, self.fresh, self.misses, self.votes = estimate, True, 0, 0
+        self.estimate, self.fresh, self.misses = estimate, True, 0
+        self.votes, self.voted_lost = 0, False
         self.young = YOUNG_FRAMES
         self.method.restart(estimate)
 
