@@ -2,11 +2,12 @@
 
 Silhouettes can agree for a wrong hand, and a wrong hand that is followed stays wrong: so it is
 looked for anew now and then, and often while the fit is poor or the energy is well above what it
-was of late. What is found must beat what was followed. The other side of the hand must do so by
-more, and in two looks running, for no hand turns over from one frame to the next. A hand found
-after a loss, perhaps while it is half in the picture, is young for a second: it is looked for anew
-from where it was trusted last. Where the side is a guess, a back that fits better than the palm
-says that it is the other hand.
+was of late. What is found must beat what was followed, and meet as much of the outline. The other
+side of the hand must do so by more, and in two looks running, for no hand turns over from one frame
+to the next. A hand found after a loss, perhaps while it is half in the picture, or whose fit was
+shaken, is young for a second: it is looked for anew from where it was trusted last, and faces the
+usual way if that fits about as well. Where the side is a guess, a back that fits better than the
+palm says that it is the other hand.
 """
 
 import numpy as np
@@ -17,7 +18,7 @@ from handtrack.evidence.evidence import see, window_around
 from handtrack.evidence.orientation import Image
 from handtrack.evidence.silhouette import Segmenter
 from handtrack.in_track import Track
-from handtrack.judge import JudgeSettings
+from handtrack.judge import JudgeSettings, outline_seen
 from handtrack.refine.view import View
 from handtrack.seeds import facing_of, find_hand
 
@@ -71,12 +72,18 @@ def look_again(
     better = not turns and found[1] > agreement + judge.better_by
     as_good = found[1] > agreement - judge.better_by
     margin = judge.cheaper_by + cost * turns
+    if failed and facing_of(found[0]) == usual != facing_of(estimate):
+        margin -= cost
     cheaper = found[0].energy < track.searcher.energy(view, estimate) - margin
-    if not better and not (as_good and cheaper):
+    line_mm = judge.wrist_line_mm
+    before = max(outline_seen(estimate, view, line_mm), 0.01)
+    more = outline_seen(found[0], view, line_mm) / before
+    fuller = more > judge.more_seen and found[1] > judge.tracked_overlap
+    if more < judge.less_seen or not (better or fuller or (as_good and cheaper)):
         track.votes, track.voted_lost = 0, False
         return estimate, agreement
-    turns_over = facing_of(found[0]) != facing_of(estimate) and not track.young
-    if turns_over and track.votes + 1 < judge.votes_to_turn:
+    turns_over = facing_of(found[0]) != facing_of(estimate)
+    if turns_over and not track.young and track.votes + 1 < judge.votes_to_turn:
         track.votes += 1
         track.voted_lost = failed  # the next look asks the same question
         track.doubts = judge.doubt_every - judge.vote_every
@@ -95,9 +102,9 @@ def recover(
     facing: str,
     rng: np.random.Generator,
 ) -> None:
-    """Look for a lost hand in the whole frame, now and then; where it is found, track it."""
-    if track.misses % RECOVER_EVERY != 0:
-        track.misses += 1
+    """Look in the whole frame, now and then, for a hand that is lost or astray; then track it."""
+    track.frames_astray += 1
+    if track.frames_astray % RECOVER_EVERY != 1:
         return
     segmenter = track.segmenter
     anything = segmenter.find(image) or Segmenter.bootstrap(image, segmenter.background)

@@ -18,6 +18,8 @@ from handtrack.start import Start
 JUMP_DEG = 25.0
 #: Tracked frames after a loss in which a hand that was found again is young.
 YOUNG_FRAMES = 30
+#: And so is one whose energy was this many times what was usual: a turn, a blur.
+SHAKEN = 2.0
 #: Looks in which a guess of the side must hold.
 SIDE_LOOKS = 8
 #: Frames over which an energy is usual, and how many of them it takes to say so.
@@ -52,6 +54,7 @@ class Track:
         self.turn = np.zeros(3)  # rotation vector per frame
         self.shift_mm = np.zeros(3)
         self.misses = 0
+        self.frames_astray = 0  # in which it was looked for in the whole frame, or should be
         self.doubts = 0
         self.young = 0  # frames in which what was found after a loss is not yet trusted
         self.anchor = start.estimate  # what a look starts from: the last estimate that was trusted
@@ -77,8 +80,6 @@ class Track:
 
     def found_again(self, estimate: Estimate) -> None:
         """Go on from where a lost hand was found, without trusting it yet."""
-        if not self.young:
-            self.anchor = self.estimate
         self.estimate, self.fresh, self.misses = estimate, True, 0
         self.votes, self.voted_lost = 0, False
         self.young = YOUNG_FRAMES
@@ -98,9 +99,11 @@ class Track:
             self.turn, self.shift_mm = np.zeros(3), np.zeros(3)
         self.fresh = not seen
         self.young = max(self.young - seen, 0)
+        if self.strains(estimate, SHAKEN):
+            self.young = YOUNG_FRAMES
         if not self.lost:
             self.estimate = estimate
-        if not self.young:
-            self.anchor = self.estimate
+        if seen and not self.young:
+            self.anchor, self.frames_astray = estimate, 0
         if seen:
             self.energies.append(estimate.energy)

@@ -29,6 +29,11 @@ class JudgeSettings:
     """Energy by which it must, where the overlaps are alike."""
     facing_cost: float = 25.0
     """Energy by which a lost hand's unusual side must do better than its usual one."""
+    less_seen: float = 0.8
+    """What is found must leave no less than this share of the outline above its wrist, compared
+    with what was followed: below the wrist nothing costs energy."""
+    more_seen: float = 1.25
+    """And is better without more ado where it leaves so much more."""
     turning_cost: float = 36.0
     """Energy by which the unusual side must do better still to begin a turn that was tracked."""
     returning_cost: float = 4.0
@@ -44,6 +49,8 @@ class JudgeSettings:
     """Frames between two looks while all seems well: silhouettes can agree for a wrong hand."""
     lost_overlap: float = 0.35
     """Below this the hand is not where the model is."""
+    astray: int = 4
+    """Frames without a tracked one after which the hand is looked for in the whole frame."""
     patience: int = 15
     """Frames without a tracked one after which the hand is lost."""
     wrist_line_mm: float = 6.0
@@ -59,6 +66,11 @@ def overlap(hand: CapsuleHand, estimate: Estimate, view: View, wrist_line_mm: fl
             SilhouetteBits.of(view), wrist_line_mm,
         )[0]
     )  # fmt: skip
+
+
+def outline_seen(estimate: Estimate, view: View, wrist_line_mm: float) -> float:
+    """Share of the silhouette's outline that lies above the estimate's wrist, so must be met."""
+    return float(np.mean(view.contour_weights(estimate.pose, wrist_line_mm) > 0))
 
 
 def confidence(overlap: float, settings: JudgeSettings) -> float:

@@ -45,6 +45,9 @@ class SeedSettings:
     """Spread of the palm's tilt."""
     overlap_margin: float = 0.04
     """Of finalists whose overlaps differ by less, the lowest energy wins: edges inside a fist."""
+    outline_share: float = 0.8
+    """Of the finalists, those count that leave this share of the outline above the wrist, compared
+    with the one that leaves most: below the wrist nothing costs energy."""
     depth_std: float = 0.12
     """Spread of the depth, relative."""
 
@@ -85,6 +88,9 @@ def find_hand(
         finalists = [method.search(view, estimate, rng) for estimate in finalists]
     agreement = overlaps(view, method, finalists, bits)
     near = agreement > agreement.max() - settings.overlap_margin
+    seen = np.array([np.mean(view.contour_weights(e.pose, line_mm) > 0) for e in finalists])
+    full = seen >= settings.outline_share * seen.max()
+    near &= full | ~(near & full).any()  # none of the best may be full
     cost = [e.energy + facing_cost * (facing_of(e) != usual) for e in finalists]
     best = int(np.argmin(np.where(near, cost, np.inf)))
     return finalists[best], float(agreement[best])
@@ -172,17 +178,16 @@ def draw_seeds(
 def draw_directions(view: View, n: int, rng: np.random.Generator, known: Estimate | None) -> Array:
     """Angles ``(n,)`` in the image by which the fingers' direction is turned from straight up.
 
-    Arms do not turn over: the angles are within 100 deg of a known direction or of the one away
-    from where the silhouette leaves the frame, half of them each; with neither, anywhere.
+    Arms do not turn over: about a known direction, or else away from where the silhouette leaves
+    the frame, the angles are within 100 deg; with neither, anywhere.
     """
-    ways = [from_the_border(view)]
     if known is not None:
-        ways.append((float(known.pose.R[0, 1]), float(known.pose.R[1, 1])))
-    ways = [way for way in ways if way != (0.0, 0.0)]
-    if not ways:
+        x, y = known.pose.R[0, 1], known.pose.R[1, 1]
+    else:
+        x, y = from_the_border(view)
+    if x == 0 and y == 0:
         return rng.uniform(-np.pi, np.pi, n)
-    about = np.array([np.arctan2(x, -y) for x, y in ways])[np.arange(n) % len(ways)]
-    return np.asarray(about + rng.uniform(-1, 1, n) * np.radians(100))
+    return np.asarray(np.arctan2(x, -y) + rng.uniform(-1, 1, n) * np.radians(100))
 
 
 def from_the_border(view: View) -> tuple[float, float]:

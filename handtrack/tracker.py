@@ -180,7 +180,8 @@ class Tracker:
     def _follow(self, frame: Frame, filmed: Image, track: Track) -> FrameResult:
         image = np.ascontiguousarray(filmed[:, ::-1]) if track.side == "left" else filmed
         judge, facing = self.settings.judge, self.settings.facing
-        if track.lost:
+        astray = track.misses >= judge.astray and not track.side_looks
+        if track.lost or astray:
             recover(image, self._tracked_camera(track), track, judge, facing, self.rng)
         with self._timed("evidence"):
             predicted = track.predicted()

@@ -120,7 +120,7 @@ def test_matches_end_on_the_nearest_outline_that_faces_them():
 def test_a_sweep_is_shown_as_what_it_was():
     seen, result, _ = seen_on("right")
     cloud, layers = seen.workings.cloud, layers_of(seen, result, CAMERA)
-    assert (layers.cloud_kind, layers.cloud_size, len(layers.cloud_X)) == ("samples", 450, 200)
+    assert (layers.cloud_kind, layers.cloud_size, len(layers.cloud_X)) == ("samples", 300, 200)
     for digit in range(5):
         own = cloud.digit == digit
         assert cloud.weight[own].max() == 1.0
