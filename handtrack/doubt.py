@@ -3,11 +3,11 @@
 Silhouettes can agree for a wrong hand, and a wrong hand that is followed stays wrong: so it is
 looked for anew now and then, and often while the fit is poor or the energy is well above what it
 was of late. What is found must beat what was followed, and meet as much of the outline. The other
-side of the hand must do so by more, and in two looks running, for no hand turns over from one frame
-to the next. A hand found after a loss, perhaps while it is half in the picture, or whose fit was
-shaken, is young for a second: it is looked for anew from where it was trusted last, and faces the
-usual way if that fits about as well. Where the side is a guess, a back that fits better than the
-palm says that it is the other hand.
+side of the hand must do so by more, and in two looks running, or three for the side that is rarely
+shown: no hand turns over from one frame to the next. A hand found after a loss, perhaps while it is
+half in the picture, or whose fit was shaken, is young for a second: it is looked for anew from
+where it was trusted last, and faces the usual way if that fits about as well. Where the side is a
+guess, a back that fits better than the palm says that it is the other hand.
 """
 
 import numpy as np
@@ -83,7 +83,9 @@ def look_again(
         track.votes, track.voted_lost = 0, False
         return estimate, agreement
     turns_over = facing_of(found[0]) != facing_of(estimate)
-    if turns_over and not track.young and track.votes + 1 < judge.votes_to_turn:
+    to_usual = facing_of(found[0]) == facing
+    needed = 1 if track.young and to_usual else judge.votes_to_turn + (not to_usual)
+    if turns_over and track.votes + 1 < needed:
         track.votes += 1
         track.voted_lost = failed  # the next look asks the same question
         track.doubts = judge.doubt_every - judge.vote_every

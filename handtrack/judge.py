@@ -39,8 +39,8 @@ class JudgeSettings:
     returning_cost: float = 4.0
     """And the usual side to end one."""
     votes_to_turn: int = 2
-    """Looks running that must see the other side of the hand before it is believed: no hand turns
-    over from one frame to the next."""
+    """Looks running that must see the usual side of the hand again before it is believed, and one
+    more for the unusual: no hand turns over from one frame to the next."""
     vote_every: int = 3
     """Frames between such looks."""
     turned_every: int = 10
