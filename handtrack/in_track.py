@@ -13,9 +13,8 @@ from handtrack.records import Pose, Status
 from handtrack.refine.view import View
 from handtrack.refined import RefinedMethod
 from handtrack.start import Start
+from handtrack.steady import JUMP_DEG
 
-#: A palm that turns more than this in a frame was found otherwise: that is no motion.
-JUMP_DEG = 25.0
 #: Tracked frames after a loss in which a hand that was found again is young.
 YOUNG_FRAMES = 30
 #: And so is one whose energy was this many times what was usual: a turn, a blur.

@@ -73,11 +73,10 @@ def _run(settings: RunSettings, make: MakeTracker, source: Source) -> RunReport:
     truth = _truth(settings)
     folder = RunFolder(settings.out or source.out)
     report = RunReport(info.path, folder.path, source.counts)
+    size = (info.width_px, info.height_px)
     if settings.overlay:
-        size = (info.width_px, info.height_px)
         folder.film(size, info.time_base, settings.clip if info.has_audio else None)
     if settings.report:
-        size = (info.width_px, info.height_px)
         folder.report(size, getattr(tracker, "space", None) or default_space(), truth)
     begin = time.perf_counter()
     try:

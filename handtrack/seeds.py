@@ -17,6 +17,7 @@ from handtrack import rotation
 from handtrack.estimate import Estimate
 from handtrack.fingers.silhouette import SilhouetteBits, capsule_overlap
 from handtrack.hand.space import ConfigurationSpace
+from handtrack.judge import outline_seen
 from handtrack.records import Pose
 from handtrack.refine.view import View
 from handtrack.refined import RefinedMethod
@@ -88,7 +89,7 @@ def find_hand(
         finalists = [method.search(view, estimate, rng) for estimate in finalists]
     agreement = overlaps(view, method, finalists, bits)
     near = agreement > agreement.max() - settings.overlap_margin
-    seen = np.array([np.mean(view.contour_weights(e.pose, line_mm) > 0) for e in finalists])
+    seen = np.array([outline_seen(e, view, line_mm) for e in finalists])
     full = seen >= settings.outline_share * seen.max()
     near &= full | ~(near & full).any()  # none of the best may be full
     cost = [e.energy + facing_cost * (facing_of(e) != usual) for e in finalists]

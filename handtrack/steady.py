@@ -35,7 +35,7 @@ from handtrack.report import in_camera
 Array = NDArray[np.float64]
 Extra = TypeVar("Extra")
 
-#: A palm that turns more than this from one frame to the next has jumped.
+#: A palm that turns more than this from one frame to the next was found anew: that is no motion.
 JUMP_DEG = 25.0
 #: Frames that are held at most to either side, however quickly they come.
 MOST_HELD = 16
