@@ -2,23 +2,27 @@
 
 Silhouettes can agree for a wrong hand, and a wrong hand that is followed stays wrong: so it is
 looked for anew now and then, and often while the fit is poor or the energy is well above what it
-was of late. What is found must beat what was followed, and meet as much of the outline. The other
-side of the hand must do so by more, and in two looks running, or three for the side that is rarely
-shown: no hand turns over from one frame to the next. A hand found after a loss, perhaps while it is
-half in the picture, or whose fit was shaken, is young for a second: it is looked for anew from
-where it was trusted last, and faces the usual way if that fits about as well. Where the side is a
-guess, a back that fits better than the palm says that it is the other hand.
+was of late. What is found must beat what was followed, the more so the farther the palm has to
+jump, and meet as much of the outline; its fingers are tried on the palm that was followed too. The
+other side of the hand must do so by more, and in two looks running, or three for the side that is
+rarely shown: no hand turns over from one frame to the next. A hand found by a search, perhaps
+while it is half in the picture, or whose fit was shaken, is young for a second: it is looked for
+anew from where it was trusted last, and faces the usual way if that fits about as well. Where the
+side is a guess, a back that fits better than the palm says that it is the other hand.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 
+from handtrack import rotation
 from handtrack.camera import Camera
 from handtrack.estimate import Estimate
 from handtrack.evidence.evidence import see, window_around
 from handtrack.evidence.orientation import Image
 from handtrack.evidence.silhouette import Segmenter
 from handtrack.in_track import Track
-from handtrack.judge import JudgeSettings, outline_seen
+from handtrack.judge import JudgeSettings, outline_seen, overlap
 from handtrack.refine.view import View
 from handtrack.seeds import facing_of, find_hand
 
@@ -42,6 +46,33 @@ def is_due(
     return True
 
 
+@dataclass(frozen=True)
+class Question:
+    """What a look asks: which side of the hand is taken for granted, and what the other costs."""
+
+    failed: bool  # what is followed fits badly, or is not trusted yet
+    usual: str
+    cost: float
+    guessed: bool  # the side of the body is a guess
+
+    @classmethod
+    def of(
+        cls, track: Track, estimate: Estimate, agreement: float, judge: JudgeSettings, facing: str
+    ) -> "Question":
+        """The question for a track; ``facing`` is the side that is usually shown.
+
+        A hand that is well in track faces as it did, else as hands usually do. Where the side is
+        a guess neither is the likelier: the palm of one hand is the back of the other.
+        """
+        failed = agreement < judge.tracked_overlap or track.young > 0 or track.voted_lost
+        usual = facing if failed else facing_of(estimate)
+        away = usual == facing  # turning would show the side that is rarely shown
+        cost = judge.turning_cost if away else judge.returning_cost
+        cost = judge.facing_cost if failed else cost
+        guessed = track.side_looks > 0
+        return cls(failed, usual, 0.0 if guessed else cost, guessed)
+
+
 def look_again(
     view: View,
     track: Track,
@@ -52,48 +83,77 @@ def look_again(
     rng: np.random.Generator,
 ) -> tuple[Estimate, float]:
     """The estimate and its overlap, or those of a hand that explains the frame better."""
-    # a hand that is well in track faces as it did; else it faces as hands usually do
-    failed = agreement < judge.tracked_overlap or track.young > 0 or track.voted_lost
-    usual = facing if failed else facing_of(estimate)
-    away = usual == facing  # turning would show the side that is rarely shown
-    cost = judge.turning_cost if away else judge.returning_cost
-    cost = judge.facing_cost if failed else cost
-    guessed = track.side_looks > 0
-    if guessed:  # the palm of one hand is the back of the other: neither is the likelier
-        track.side_looks -= 1
-        cost = 0.0
+    question = Question.of(track, estimate, agreement, judge, facing)
+    track.side_looks -= question.guessed
     found = find_hand(
         view, track.searcher, ("palm", "back"), rng,
-        known=track.anchor, usual=usual, facing_cost=cost,
+        known=track.anchor, usual=question.usual, facing_cost=question.cost,
     )  # fmt: skip
     if found is None:
         return estimate, agreement
-    turns = not failed and facing_of(found[0]) != usual
-    better = not turns and found[1] > agreement + judge.better_by
-    as_good = found[1] > agreement - judge.better_by
-    margin = judge.cheaper_by + cost * turns
-    if failed and facing_of(found[0]) == usual != facing_of(estimate):
-        margin -= cost
-    cheaper = found[0].energy < track.searcher.energy(view, estimate) - margin
-    line_mm = judge.wrist_line_mm
-    before = max(outline_seen(estimate, view, line_mm), 0.01)
-    more = outline_seen(found[0], view, line_mm) / before
-    fuller = more > judge.more_seen and found[1] > judge.tracked_overlap
-    if more < judge.less_seen or not (better or fuller or (as_good and cheaper)):
+    turns_over = facing_of(found[0]) != facing_of(estimate)
+    if not turns_over:
+        found = _with_the_palm_held(view, track, estimate, found, judge, rng)
+    if not _convinces(view, track, (estimate, agreement), found, question, judge):
         track.votes, track.voted_lost = 0, False
         return estimate, agreement
-    turns_over = facing_of(found[0]) != facing_of(estimate)
     to_usual = facing_of(found[0]) == facing
     needed = 1 if track.young and to_usual else judge.votes_to_turn + (not to_usual)
     if turns_over and track.votes + 1 < needed:
         track.votes += 1
-        track.voted_lost = failed  # the next look asks the same question
+        track.voted_lost = question.failed  # the next look asks the same question
         track.doubts = judge.doubt_every - judge.vote_every
         return estimate, agreement
-    track.is_other_hand = guessed and turns_over
+    track.is_other_hand = question.guessed and turns_over
     track.fresh, track.votes, track.voted_lost = True, 0, False
     track.method.restart(found[0])
     return found
+
+
+def _jump(before: Estimate, after: Estimate, judge: JudgeSettings) -> float:
+    """What it costs that the palm is elsewhere than it was."""
+    turn_deg = float(np.degrees(rotation.angle_between(before.pose.R, after.pose.R)))
+    return judge.jump_cost * min(turn_deg / judge.jump_deg, 1.0)
+
+
+def _with_the_palm_held(
+    view: View,
+    track: Track,
+    estimate: Estimate,
+    found: tuple[Estimate, float],
+    judge: JudgeSettings,
+    rng: np.random.Generator,
+) -> tuple[Estimate, float]:
+    """What was found, or its fingers on the palm that was followed where that does as well."""
+    held = track.searcher.with_fingers(view, estimate, found[0].theta, rng)
+    if track.searcher.energy(view, held) > found[0].energy + _jump(held, found[0], judge):
+        return found
+    return held, overlap(track.searcher.hand, held, view, judge.wrist_line_mm)
+
+
+def _convinces(
+    view: View,
+    track: Track,
+    followed: tuple[Estimate, float],
+    found: tuple[Estimate, float],
+    question: Question,
+    judge: JudgeSettings,
+) -> bool:
+    """Whether what was found explains the frame well enough to go on from it."""
+    turns = not question.failed and facing_of(found[0]) != question.usual
+    saved = track.searcher.energy(view, followed[0]) - found[0].energy
+    margin = judge.cheaper_by + question.cost * turns
+    margin += 0.0 if question.failed else _jump(followed[0], found[0], judge)
+    if question.failed and facing_of(found[0]) == question.usual != facing_of(followed[0]):
+        margin -= question.cost
+    better = not turns and found[1] > followed[1] + judge.better_by
+    better &= question.failed or saved > 0
+    cheaper = found[1] > followed[1] - judge.better_by and saved > margin
+    line_mm = judge.wrist_line_mm
+    before = max(outline_seen(followed[0], view, line_mm), 0.01)
+    more = outline_seen(found[0], view, line_mm) / before
+    fuller = more > judge.more_seen and found[1] > judge.tracked_overlap
+    return more >= judge.less_seen and (better or fuller or cheaper)
 
 
 def recover(

@@ -15,7 +15,7 @@ from handtrack.refined import RefinedMethod
 from handtrack.start import Start
 from handtrack.steady import JUMP_DEG
 
-#: Tracked frames after a loss in which a hand that was found again is young.
+#: Tracked frames in which a hand that was found by a search, at the start or again, is young.
 YOUNG_FRAMES = 30
 #: And so is one whose energy was this many times what was usual: a turn, a blur.
 SHAKEN = 2.0
@@ -34,8 +34,8 @@ class Method(Protocol):
         """The hand in this frame, from where it was expected."""
         ...
 
-    def restart(self, estimate: Estimate) -> None:
-        """Begin anew about an estimate that was found otherwise."""
+    def restart(self, estimate: Estimate, sure: bool = False) -> None:
+        """Begin anew about an estimate that was found otherwise, and may be sure."""
         ...
 
 
@@ -47,7 +47,7 @@ class Track:
     ) -> None:
         self.shape, self.side, self.segmenter = start.shape, start.side, start.segmenter
         self.searcher, self.method = searcher, method
-        method.restart(start.estimate)
+        method.restart(start.estimate, sure=start.calibrated)
         self.estimate = start.estimate
         self.calibrated = start.calibrated
         self.turn = np.zeros(3)  # rotation vector per frame
@@ -55,7 +55,8 @@ class Track:
         self.misses = 0
         self.frames_astray = 0  # in which it was looked for in the whole frame, or should be
         self.doubts = 0
-        self.young = 0  # frames in which what was found after a loss is not yet trusted
+        #: Frames in which what was found by a search is not yet trusted.
+        self.young = 0 if start.calibrated else YOUNG_FRAMES
         self.anchor = start.estimate  # what a look starts from: the last estimate that was trusted
         #: Looks still to come that may find that it is the other hand, where the side is a guess.
         self.side_looks = 0 if side_told or start.calibrated else SIDE_LOOKS

@@ -108,8 +108,9 @@ class PaperMethod(RefinedMethod):
         self.takes_best = scheme == "random"
         self.matched = np.empty((0, 4))  # the last palm's pairs: image, outline
 
-    def restart(self, estimate: Estimate) -> None:
-        """Begin anew about an estimate that was found otherwise."""
+    def restart(self, estimate: Estimate, sure: bool = False) -> None:
+        """Begin anew about an estimate that was found otherwise; the particles are never sure."""
+        super().restart(estimate, sure)
         about = self.space.to_X(estimate.theta)[None]
         spread = START_SHARE * np.sqrt(self.space.variance)
         self.filter.restart(Gaussians(np.ones(1), about, spread))

@@ -7,6 +7,7 @@ One frame::
     all: refine                                                    -> candidate
     fingers: one sweep of samples a digit on the whole hand, then refine all -> candidate
     hand: all fingers to their nearest basis states, palm, then refine all   -> candidate
+    palm: pitched about the knuckles, the fingers making up for it, then refine all -> candidate
     keep the candidate of lowest energy
 
 Search before refinement is what keeps it out of local minima; refinement is what makes it exact.
@@ -26,8 +27,11 @@ from handtrack.hand.space import ConfigurationSpace
 from handtrack.hand.surface import Capsules, Surface
 from handtrack.layers import Cloud, Workings
 from handtrack.palm.orthographic import other_tilt
+from handtrack.parallel import both
 from handtrack.records import Pose
+from handtrack.refine.facing import Facing
 from handtrack.refine.matches import contour_pairs
+from handtrack.refine.pitch import pitched
 from handtrack.refine.snap import snapped
 from handtrack.refine.solve import Prior, Refined, Refiner, RefineSettings
 from handtrack.refine.sweep import SweepSettings, sweep
@@ -50,7 +54,11 @@ class RefinedSettings:
     snaps: int = 1
     """Whole-hand proposals at basis states."""
     snap_steps: int = 8
-    """Steps on everything after such a proposal."""
+    """Steps on everything after such a proposal or the next."""
+    pitches: int = 1
+    """Proposals of a palm that pitches while the fingers make up for it."""
+    pitch_std_deg: float = 12.0
+    """By how much it does."""
     tilt_share: float = 0.2
     """Share of the frames, drawn at random, in which the palm's other tilt is tried."""
     tilts_apart_deg: float = 15.0
@@ -65,6 +73,10 @@ class RefinedSettings:
     """How far it moves from its prediction, across the line of sight."""
     depth_std_mm: float = 5.0
     """And along it."""
+    facing_std_deg: float = 6.0
+    """How far the palm faces from where it has faced of late; 0 for no such pull."""
+    facing_frames: int = 60
+    """Frames that are of late."""
     between: float = 1.5
     """Energy of a finger half-way between extended and curled (twice the log of how much rarer
     recorded hands are there would be 3 to 4; half of it does not hurt fingers that stay there)."""
@@ -93,12 +105,17 @@ class RefinedMethod:
         self.refiner = Refiner(self.hand, settings.energy)
         self.lines = digit_lines(space)
         self.precision = off_line_precision(space, self.lines, settings)
+        self.facing = Facing(settings.facing_frames)
 
     def prior(self, predicted: Estimate, loose: float = 1.0) -> Prior:
-        """Prior about a prediction; ``loose`` multiplies its standard deviations."""
+        """Prior about a prediction; ``loose`` multiplies its standard deviations.
+
+        A loose one is for a hand that may be anywhere: where it has faced says nothing then.
+        """
         s = self.settings
         turn, shift = np.radians(s.turn_std_deg) * loose, s.shift_std_mm * loose
         depth = s.depth_std_mm * loose
+        facing_std = np.radians(s.facing_std_deg) if loose == 1.0 else 0.0
         return Prior(
             lines=self.lines,
             precision=self.precision,
@@ -107,16 +124,34 @@ class RefinedMethod:
             pose=predicted.pose,
             pose_weight=np.array([1 / turn**2] * 3 + [1 / shift**2] * 2 + [1 / depth**2]),
             between=s.between,
+            facing=self.facing.normal,
+            facing_weight=self.facing.weight / facing_std**2 if facing_std > 0 else 0.0,
         )
 
     def follow(self, view: View, predicted: Estimate, rng: np.random.Generator) -> Estimate:
         """The hand in this frame, from where it was expected."""
-        s, refine = self.settings, self.refiner
-        start = self.moved(view, predicted)
-        prior = self.prior(Estimate(start, predicted.theta, predicted.theta_std))
-        palm = refine(view, start, predicted.theta, prior, s.palm_steps, free="palm")
-        found = self._search(view, palm.pose, palm.theta, prior, rng)
-        return self.best_tilt(view, found, rng) if rng.random() < s.tilt_share else found
+        s, start = self.settings, self.moved(view, predicted)
+        found, self.workings = self._near(view, replace(predicted, pose=start), rng)
+        if rng.random() < s.tilt_share:
+            found = self.best_tilt(view, found, rng)
+        self.facing.watch(found.pose.R[:, 2])
+        return found
+
+    def with_fingers(
+        self, view: View, estimate: Estimate, theta: Array, rng: np.random.Generator
+    ) -> Estimate:
+        """The best hand about ``estimate``'s palm when the search begins with other fingers."""
+        return self._near(view, replace(estimate, theta=theta), rng)[0]
+
+    def _near(
+        self, view: View, start: Estimate, rng: np.random.Generator, loose: float = 1.0
+    ) -> tuple[Estimate, Workings]:
+        """Palm first, then everything, with a prior about ``start``."""
+        prior = self.prior(start, loose)
+        palm = self.refiner(
+            view, start.pose, start.theta, prior, self.settings.palm_steps, free="palm"
+        )
+        return self._search(view, palm.pose, palm.theta, prior, rng)
 
     def best_tilt(self, view: View, found: Estimate, rng: np.random.Generator) -> Estimate:
         """``found``, or the hand with the palm's other tilt where that explains the frame better.
@@ -128,17 +163,15 @@ class RefinedMethod:
         pose = other_tilt(found.pose, centre_mm)
         if rotation.angle_between(pose.R, found.pose.R) < np.radians(self.settings.tilts_apart_deg):
             return found
-        workings = self.workings
-        prior = self.prior(replace(found, pose=pose), loose=4.0)
-        palm = self.refiner(view, pose, found.theta, prior, self.settings.palm_steps, free="palm")
-        other = self._search(view, palm.pose, palm.theta, prior, rng)
+        other, workings = self._near(view, replace(found, pose=pose), rng, loose=4.0)
         if other.energy < self.energy(view, found) - self.settings.tilt_margin:
+            self.workings = workings
             return other
-        self.workings = workings
         return found
 
-    def restart(self, estimate: Estimate) -> None:
-        """Nothing to forget: the prediction is all that a frame starts from."""
+    def restart(self, estimate: Estimate, sure: bool = False) -> None:
+        """Forget where the palm has faced; it now faces as in ``estimate``, if that is sure."""
+        self.facing.begin(estimate.pose.R[:, 2], known=sure)
 
     def settle(self, view: View, seed: Estimate) -> Estimate:
         """Slide a seed of unknown quality into the nearest minimum."""
@@ -153,29 +186,51 @@ class RefinedMethod:
 
     def search(self, view: View, seed: Estimate, rng: np.random.Generator) -> Estimate:
         """Sweep and refine from a seed, with a loose prior about it."""
-        return self._search(view, seed.pose, seed.theta, self.prior(seed, loose=4.0), rng)
+        return self._search(view, seed.pose, seed.theta, self.prior(seed, loose=4.0), rng)[0]
 
     def _search(
         self, view: View, pose: Pose, theta: Array, prior: Prior, rng: np.random.Generator
-    ) -> Estimate:
-        s, refine = self.settings, self.refiner
-        first = refine(view, pose, theta, prior, s.first_steps)
+    ) -> tuple[Estimate, Workings]:
+        """One finger at a time, and the whole hand at once, side by side; the best of them."""
+        s = self.settings
+        first = self.refiner(view, pose, theta, prior, s.first_steps)
         tried = np.empty((5, s.sweep.samples, 20))
-        swept, energies = sweep(
-            refine, view, first.pose, first.theta, prior, self.lines, s.sweep, rng, tried
-        )
-        self.workings = Workings(
+        swept_rng, whole_rng = rng.spawn(2)
+
+        def by_finger() -> tuple[Refined, Array]:
+            swept, energies = sweep(
+                self.refiner, view, first.pose, first.theta, prior, self.lines, s.sweep,
+                swept_rng, tried,
+            )  # fmt: skip
+            return self.refiner(view, first.pose, swept, prior, s.last_steps), energies
+
+        def by_hand() -> Refined:
+            return self._proposed(view, first, prior, whole_rng)
+
+        (second, energies), third = both(by_finger, by_hand)
+        best = min(first, second, third, key=lambda r: r.energy)
+        workings = Workings(
             self.surface, self.shape, self.space,
-            Cloud.of_sweep(tried, energies, first.pose), partial(contour_pairs, refine, view),
+            Cloud.of_sweep(tried, energies, first.pose), partial(contour_pairs, self.refiner, view),
         )  # fmt: skip
-        second = refine(view, first.pose, swept, prior, s.last_steps)
-        best = min(first, second, key=lambda r: r.energy)
+        return self.estimate(best, effective_samples(energies)), workings
+
+    def _proposed(
+        self, view: View, best: Refined, prior: Prior, rng: np.random.Generator
+    ) -> Refined:
+        """The best of ``best`` and of whole hands at basis states or with a pitched palm."""
+        s, refine = self.settings, self.refiner
         for _ in range(s.snaps):
             snap = snapped(best.theta, self.lines, self.precision, rng)
             palm = refine(view, best.pose, snap, prior, s.palm_steps, free="palm")
-            third = refine(view, palm.pose, palm.theta, prior, s.snap_steps)
-            best = min(best, third, key=lambda r: r.energy)
-        return self.estimate(best, effective_samples(energies))
+            tried = refine(view, palm.pose, palm.theta, prior, s.snap_steps)
+            best = min(best, tried, key=lambda r: r.energy)
+        for _ in range(s.pitches):
+            angle = rng.normal(0, np.radians(s.pitch_std_deg))
+            pose, theta = pitched(best.pose, best.theta, self.shape, angle)
+            tried = refine(view, pose, theta, prior, s.snap_steps)
+            best = min(best, tried, key=lambda r: r.energy)
+        return best
 
     def moved(self, view: View, predicted: Estimate) -> Pose:
         """The predicted pose, shifted to the silhouette where that lowers the energy."""

@@ -31,8 +31,12 @@ def log(matrix: ArrayLike) -> Array:
 
 
 def angle_between(A: ArrayLike, B: ArrayLike) -> Array:
-    """Angle in radians of the rotation that takes ``A`` to ``B``, both ``(..., 3, 3)``."""
-    return np.linalg.norm(log(np.swapaxes(np.asarray(A, float), -1, -2) @ np.asarray(B)), axis=-1)
+    """Angle in radians of the rotation that takes ``A`` to ``B``, both ``(..., 3, 3)``.
+
+    From the chord ``|A - B| = 2 sqrt(2) sin(angle / 2)`` (Frobenius norm).
+    """
+    chord = np.linalg.norm(np.asarray(A, float) - np.asarray(B, float), axis=(-2, -1))
+    return np.asarray(2 * np.arcsin(np.minimum(chord / np.sqrt(8.0), 1.0)))
 
 
 def to_quaternion(matrix: ArrayLike) -> Array:

@@ -8,6 +8,8 @@ is one function, evidence in, weighted hypotheses out; others may join.
 """
 
 from dataclasses import dataclass
+from functools import partial
+from itertools import repeat
 
 import cv2
 import numpy as np
@@ -18,6 +20,7 @@ from handtrack.estimate import Estimate
 from handtrack.fingers.silhouette import SilhouetteBits, capsule_overlap
 from handtrack.hand.space import ConfigurationSpace
 from handtrack.judge import outline_seen
+from handtrack.parallel import each
 from handtrack.records import Pose
 from handtrack.refine.view import View
 from handtrack.refined import RefinedMethod
@@ -25,6 +28,9 @@ from handtrack.refined import RefinedMethod
 Array = NDArray[np.float64]
 #: Rotation of a palm that faces the camera, fingers up; and of the back of a hand.
 FACING = {"palm": np.diag([1.0, -1.0, -1.0]), "back": np.diag([-1.0, -1.0, 1.0])}
+
+#: Parts in which the seeds are scored side by side.
+SCORED_IN = 4
 
 #: A hand of known depth is not looked for at more than this ratio from it.
 MAX_DEPTH_RATIO = 1.5
@@ -36,7 +42,7 @@ class SeedSettings:
 
     seeds: int = 2500
     """Seeds that are scored by overlap."""
-    kept: int = 8
+    kept: int = 24
     """Seeds that are refined a little."""
     finalists: int = 4
     """Of those, how many are swept and refined to the end."""
@@ -76,17 +82,20 @@ def find_hand(
     bits = SilhouetteBits.of(view)
     line_mm = method.settings.energy.wrist_line_mm
     theta, R, t = draw_seeds(view, method, discs, facings, rng, settings, known)
-    score = capsule_overlap(method.hand, theta, R, t, view.intrinsics, bits, line_mm)
+    overlap_of = partial(capsule_overlap, method.hand)
+    shared = repeat(view.intrinsics), repeat(bits), repeat(line_mm)
+    parts = (np.array_split(a, SCORED_IN) for a in (theta, R, t))
+    score = np.concatenate(each(overlap_of, *parts, *shared))
     std = np.full(20, np.radians(30.0))
     starts = [
         Estimate(Pose(R[k], t[k]), theta[k], std) for k in diverse(score, R, theta, settings.kept)
     ]
-    found = [method.settle(view, start) for start in starts]
+    found = each(method.settle, repeat(view), starts)
     agreement = overlaps(view, method, found, bits)
     order = finalists_of(agreement, found, settings.finalists)
     finalists = [found[k] for k in order]
     for _ in range(settings.searches):
-        finalists = [method.search(view, estimate, rng) for estimate in finalists]
+        finalists = each(method.search, repeat(view), finalists, rng.spawn(len(finalists)))
     agreement = overlaps(view, method, finalists, bits)
     near = agreement > agreement.max() - settings.overlap_margin
     seen = np.array([outline_seen(e, view, line_mm) for e in finalists])

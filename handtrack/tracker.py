@@ -253,7 +253,7 @@ class Tracker:
                 track.searcher = self._searcher(found.shape)
                 track.method = self._method(found.shape, track.searcher)
                 track.estimate = Estimate(found.pose, found.theta, track.estimate.theta_std)
-                track.method.restart(track.estimate)
+                track.method.restart(track.estimate, sure=True)
 
 
 def model_mask(method: RefinedMethod, estimate: Estimate, camera: Camera) -> NDArray[np.bool_]:

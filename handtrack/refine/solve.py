@@ -5,6 +5,7 @@ it starts from (prediction, sweeps of the fingers, seeds of a restart) decides w
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numba
 import numpy as np
@@ -20,6 +21,8 @@ Array = NDArray[np.float64]
 #: A motion of many standard deviations costs no more than this: fingers stop and start, and a
 #: palm, heavier, does so less.
 FINGER_TAIL, PALM_TAIL = 4.0, 25.0
+#: And a palm that faces another way than of late costs no more than this.
+FACING_TAIL = 4.0
 
 
 @dataclass(frozen=True)
@@ -76,9 +79,20 @@ class Prior:
     pose: Pose
     pose_weight: Array  # (6,) 1 / rad^2, 1 / mm^2
     between: float  # b, energy of a finger half-way along its line
+    facing: Array  # (3,) where the palm has faced of late, camera frame
+    facing_weight: float  # 1 / rad^2
 
     def __post_init__(self) -> None:
         freeze_arrays(self)
+
+    @cached_property
+    def arrays(self) -> tuple[Array | float, ...]:
+        """What the kernels take; copies, since they are compiled for writable arrays only."""
+        arrays = (
+            self.lines, self.precision, self.angle, self.angle_weight,
+            self.pose.R, self.pose.t_mm, self.pose_weight, self.facing,
+        )  # fmt: skip
+        return *map(np.array, arrays), float(self.between), float(self.facing_weight)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,18 +127,17 @@ class Refiner:
             hand.node_digit,
         )
         self.parts = (hand.capsule_node, hand.capsule_digit, hand.capsule_bone)
-        self.limits = np.array(LIMITS)
+        self.limits, self.weights = np.array(LIMITS), settings.weights()
 
     def contour(self, view: View, pose: Pose) -> Array:
         """Contour points with weights ``(m, 5)`` as the kernels take them."""
-        weight = view.contour_weights(pose, self.settings.wrist_line_mm)
-        return np.column_stack([view.contour, view.normal, weight])
+        return view.weighted(view.outline, pose, self.settings.wrist_line_mm)
 
     def inner(self, view: View, pose: Pose) -> Array:
         """Edges inside the silhouette ``(k, 5)`` as the kernels take them."""
-        above = view.above_wrist(view.inner[:, :2], pose, self.settings.wrist_line_mm)
-        weight = self.settings.inner_weight * view.inner[:, 4] * above
-        return np.column_stack([view.inner[:, :4], weight])
+        edges = view.weighted(view.inner, pose, self.settings.wrist_line_mm)
+        edges[:, 4] *= self.settings.inner_weight
+        return edges
 
     def __call__(
         self, view: View, pose: Pose, theta: Array, prior: Prior, steps: int, free: str = "all"
@@ -144,24 +157,11 @@ class Refiner:
         R, t, angles, energy, image, H, iterations = levenberg_marquardt(
             np.array(pose.R), np.array(pose.t_mm), np.array(theta, float),
             self.sizes, self.parts, self.contour(view, pose), self.inner(view, pose),
-            _maps(view), view.intrinsics,
-            self.settings.weights(), _prior(prior), self.limits,
+            view.maps, view.intrinsics,
+            self.weights, prior.arrays, self.limits,
             np.radians(self.settings.limit_std_deg), mask, steps,
         )  # fmt: skip
         return Refined(Pose(R, t), angles, energy, image, H, iterations)
-
-
-def _maps(view: View) -> tuple[NDArray, ...]:
-    return view.sdf, view.edge_strength, view.edge_x, view.edge_y, view.valid
-
-
-def _prior(prior: Prior) -> tuple[Array | float, ...]:
-    arrays = (
-        prior.lines, prior.precision, prior.angle, prior.angle_weight,
-        prior.pose.R, prior.pose.t_mm, prior.pose_weight,
-    )  # fmt: skip
-    # copies: the kernels are compiled for writable arrays only
-    return *map(np.array, arrays), float(prior.between)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -238,7 +238,7 @@ def heavy_tailed(q, r, weight, tail, H, g):  # type: ignore[no-untyped-def]
 def digit_prior(d, theta, prior, limits, limit_std, H, g):  # type: ignore[no-untyped-def]
     """The prior's terms of one digit: its line, its last angles, its limits."""
     lines, precision, angle, angle_weight = prior[0], prior[1], prior[2], prior[3]
-    between = prior[7] if d > 0 else 0.0  # a thumb has no such ends
+    between = prior[8] if d > 0 else 0.0  # a thumb has no such ends
     energy = line_energy(d, theta, lines[d], precision[d], between, H, g)
     for a in range(4 * d, 4 * d + 4):
         energy += heavy_tailed(6 + a, theta[a] - angle[a], angle_weight[a], FINGER_TAIL, H, g)
@@ -259,9 +259,23 @@ def prior_energy(R, t, theta, prior, limits, limit_std, H, g):  # type: ignore[n
     for q in range(3):
         energy += heavy_tailed(q, turn[q], pose_weight[q], PALM_TAIL, H, g)
         energy += heavy_tailed(3 + q, t[q] - t0[q], pose_weight[3 + q], PALM_TAIL, H, g)
+    energy += facing_energy(R[:, 2], prior[7], prior[9], H, g)
     for d in range(5):
         energy += digit_prior(d, theta, prior, limits, limit_std, H, g)
     return energy
+
+
+@numba.njit(cache=True, nogil=True)
+def facing_energy(n, facing, weight, H, g):  # type: ignore[no-untyped-def]
+    """Robust square of ``n - facing``: of the palm's normal and where it has faced of late."""
+    r = n - facing
+    z2 = weight * np.sum(r * r)
+    if len(g) and weight > 0.0:
+        weight *= (FACING_TAIL / (FACING_TAIL + z2)) ** 2
+        J = np.array([[0.0, n[2], -n[1]], [-n[2], 0.0, n[0]], [n[1], -n[0], 0.0]])  # w x n
+        g[:3] += weight * (J.T @ r)
+        H[:3, :3] += weight * (J.T @ J)
+    return FACING_TAIL * z2 / (FACING_TAIL + z2)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -298,8 +312,8 @@ def levenberg_marquardt(  # type: ignore[no-untyped-def]
     steps,
 ):
     """At most ``steps`` damped Gauss-Newton steps; the damping is Marquardt's."""
-    no_H, no_g = np.empty((0, 0)), np.empty(0)
     H, g = np.zeros((26, 26)), np.zeros(26)
+    H1, g1 = np.empty((26, 26)), np.empty(26)
     image, energy = total_energy(
         R, t, theta, sizes, parts, contour, inner, maps, K, weights, prior, limits, limit_std, H, g
     )
@@ -316,32 +330,17 @@ def levenberg_marquardt(  # type: ignore[no-untyped-def]
                 b[i] = 0.0
         x = -np.linalg.solve(A, b)
         R1, t1, theta1 = so3_exp(x[:3]) @ R, t + x[3:6], theta + x[6:]
+        # most steps are taken, so their system is worked out at once
+        H1[:], g1[:] = 0.0, 0.0
         image1, energy1 = total_energy(
             R1, t1, theta1, sizes, parts, contour, inner, maps, K, weights,
-            prior, limits, limit_std, no_H, no_g,
+            prior, limits, limit_std, H1, g1,
         )  # fmt: skip
         if energy1 < energy:
             small = energy - energy1 < 1e-3 * energy
             R, t, theta, image, energy = R1, t1, theta1, image1, energy1
+            H, H1, g, g1 = H1, H, g1, g
             damping = max(damping * 0.3, 1e-5)
-            H[:], g[:] = 0.0, 0.0
-            total_energy(
-                R,
-                t,
-                theta,
-                sizes,
-                parts,
-                contour,
-                inner,
-                maps,
-                K,
-                weights,
-                prior,
-                limits,
-                limit_std,
-                H,
-                g,
-            )
             if small:
                 break
         else:

@@ -23,7 +23,7 @@ from handtrack.refine.residuals import (
     rho,
     sample_energy,
 )
-from handtrack.refine.solve import Prior, Refiner, _maps, _prior, digit_prior
+from handtrack.refine.solve import Prior, Refiner, digit_prior
 from handtrack.refine.view import View
 
 Array = NDArray[np.float64]
@@ -109,8 +109,8 @@ def sweep(
             tried[digit, :, 4 * digit : 4 * digit + 4] = candidates
         here, energies[digit] = digit_energies(
             digit, candidates, best, np.array(pose.R), np.array(pose.t_mm),
-            refiner.sizes, refiner.parts, contour, inner, _maps(view), view.intrinsics,
-            refiner.settings.weights(), _prior(prior), refiner.limits,
+            refiner.sizes, refiner.parts, contour, inner, view.maps, view.intrinsics,
+            refiner.weights, prior.arrays, refiner.limits,
             np.radians(refiner.settings.limit_std_deg),
         )  # fmt: skip
         k = int(np.argmin(energies[digit]))

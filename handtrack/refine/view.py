@@ -6,8 +6,10 @@ nor count against it (design: "stop the evidence there").
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,6 +17,8 @@ from handtrack.evidence.evidence import Evidence
 from handtrack.records import Pose
 
 Array = NDArray[np.float64]
+#: Contour points so near the frame's border are where the frame ends, not the hand.
+BORDER_PX = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,14 +89,47 @@ class View:
         a, axis = self.wrist_line(pose, wrist_y_mm)
         return np.asarray((points - a) @ axis > 0)
 
-    def contour_weights(self, pose: Pose, wrist_y_mm: float, border_px: float = 2.0) -> Array:
-        """Weights ``(m,)``: 0 below the wrist line and at the frame's border, else 1."""
-        above = self.above_wrist(self.contour, pose, wrist_y_mm)
+    @cached_property
+    def outline(self) -> Array:
+        """The contour as the kernels take it ``(m, 5)``: x, y, normal, weight, 0 at the border."""
         x0, y0, x1, y1 = self.valid
         x, y = self.contour.T
-        inside = (x > x0 + border_px) & (x < x1 - border_px)
-        inside &= (y > y0 + border_px) & (y < y1 - border_px)
-        return (above & inside).astype(float)
+        inside = (x > x0 + BORDER_PX) & (x < x1 - BORDER_PX)
+        inside &= (y > y0 + BORDER_PX) & (y < y1 - BORDER_PX)
+        return np.column_stack([self.contour, self.normal, inside])
+
+    @property
+    def maps(self) -> tuple[NDArray, ...]:
+        """The pictures that the kernels take."""
+        return self.sdf, self.edge_strength, self.edge_x, self.edge_y, self.valid
+
+    def weighted(self, points: Array, pose: Pose, wrist_y_mm: float) -> Array:
+        """Image points ``(m, 5)`` (x, y, normal, weight), their weight 0 below the wrist line."""
+        return np.asarray(
+            weighted_kernel(points, pose.R, pose.t_mm, self.intrinsics, float(wrist_y_mm))
+        )
+
+    def contour_weights(self, pose: Pose, wrist_y_mm: float) -> Array:
+        """Weights ``(m,)``: 0 below the wrist line and at the frame's border, else 1."""
+        return self.weighted(self.outline, pose, wrist_y_mm)[:, 4]
+
+
+@numba.njit(cache=True, nogil=True)
+def weighted_kernel(points, R, t, K, wrist_y):  # type: ignore[no-untyped-def]
+    """See :meth:`View.weighted`; the line is that of :meth:`View.wrist_line`."""
+    ends = np.empty((2, 2))
+    for e in range(2):
+        y = wrist_y + 20.0 * e
+        z = max(R[2, 1] * y + t[2], 1.0)
+        ends[e, 0] = (R[0, 1] * y + t[0]) / z * K[0] + K[2]
+        ends[e, 1] = (R[1, 1] * y + t[1]) / z * K[1] + K[3]
+    axis = ends[1] - ends[0]
+    out = points.copy()
+    for k in range(len(points)):
+        along = (points[k, 0] - ends[0, 0]) * axis[0] + (points[k, 1] - ends[0, 1]) * axis[1]
+        if along <= 0.0:
+            out[k, 4] = 0.0
+    return out
 
 
 def towards_dark(image: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

@@ -1,5 +1,7 @@
 """The energy: its derivatives, its minimum, and that the evidence stops at the wrist."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -15,8 +17,8 @@ def terms(method: RefinedMethod, view: View, pose: Pose, theta: np.ndarray, prio
     """Energy of ``(w, v, theta)`` increments about a pose, and its half gradient there."""
     r = method.refiner
     fixed = (
-        r.sizes, r.parts, r.contour(view, pose), r.inner(view, pose), solve._maps(view),
-        view.intrinsics, r.settings.weights(), solve._prior(prior), r.limits, np.radians(3.0),
+        r.sizes, r.parts, r.contour(view, pose), r.inner(view, pose), view.maps,
+        view.intrinsics, r.weights, prior.arrays, r.limits, np.radians(3.0),
     )  # fmt: skip
 
     def energy(x: np.ndarray) -> float:
@@ -33,7 +35,9 @@ def test_prior_gradient_by_finite_differences(method: RefinedMethod, view: View,
     pose, theta = truth
     rng = np.random.default_rng(0)
     elsewhere = Estimate(pose, theta + 0.05 * rng.normal(size=20), np.full(20, 0.1))
-    prior = method.prior(elsewhere)
+    prior = replace(
+        method.prior(elsewhere), facing=np.array([0.1, -0.05, -1.0]), facing_weight=90.0
+    )
     shift = np.array([1.0, -2.0, 3.0])
     turned = Pose(rotation.exp([0.004, -0.003, 0.005]) @ pose.R, pose.t_mm + shift)
     blind = View(
@@ -75,6 +79,18 @@ def test_contour_below_the_wrist_does_not_count(view: View, truth) -> None:
     assert below.any()
     assert not weights[below].any()
     assert weights[~below].mean() > 0.95
+
+
+def test_where_the_palm_has_faced_pulls_it_until_it_clearly_faces_elsewhere() -> None:
+    none = np.empty((0, 0)), np.empty(0)
+    facing, std = np.array([0.0, 0.0, -1.0]), np.radians(6.0)
+    cost = [
+        solve.facing_energy(rotation.about_x(np.radians(a)) @ facing, facing, std**-2, *none)
+        for a in (0.0, 6.0, 30.0, 180.0)
+    ]
+    assert cost[0] == 0
+    assert 0.7 < cost[1] < 1.0
+    assert cost[2] < cost[3] < solve.FACING_TAIL < 1.2 * cost[2]
 
 
 @pytest.mark.parametrize("seed", range(3))
