@@ -73,7 +73,7 @@ class RefinedSettings:
     """How far it moves from its prediction, across the line of sight."""
     depth_std_mm: float = 5.0
     """And along it."""
-    facing_std_deg: float = 6.0
+    facing_std_deg: float = 8.0
     """How far the palm faces from where it has faced of late; 0 for no such pull."""
     facing_frames: int = 60
     """Frames that are of late."""
