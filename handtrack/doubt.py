@@ -34,12 +34,15 @@ def is_due(
     track: Track, estimate: Estimate, agreement: float, judge: JudgeSettings, facing: str
 ) -> bool:
     """Whether to look anew in this frame; ``facing`` is the side that is usually shown."""
-    poor = agreement < judge.doubted_overlap or track.strains(estimate, judge.strained)
+    poor = agreement < judge.doubted_overlap or track.votes or track.side_looks
+    unsure = track.young or track.strains(estimate, judge.strained)
     turned = facing_of(track.estimate) != facing
     track.doubts += 1
     every = judge.turned_every if turned else judge.check_every
-    unsure = poor or track.votes or track.young or track.side_looks
-    every = judge.doubt_every if unsure else every
+    if unsure:  # a look in vain says that the next need not come so soon
+        every = min(every, judge.doubt_every * 2**track.in_vain)
+    if poor:
+        every = judge.doubt_every
     if track.doubts < every:
         return False
     track.doubts = 0
@@ -96,6 +99,7 @@ def look_again(
         found = _with_the_palm_held(view, track, estimate, found, judge, rng)
     if not _convinces(view, track, (estimate, agreement), found, question, judge):
         track.votes, track.voted_lost = 0, False
+        track.in_vain += 1
         return estimate, agreement
     to_usual = facing_of(found[0]) == facing
     needed = 1 if track.young and to_usual else judge.votes_to_turn + (not to_usual)
@@ -105,7 +109,7 @@ def look_again(
         track.doubts = judge.doubt_every - judge.vote_every
         return estimate, agreement
     track.is_other_hand = question.guessed and turns_over
-    track.fresh, track.votes, track.voted_lost = True, 0, False
+    track.fresh, track.votes, track.voted_lost, track.in_vain = True, 0, False, 0
     track.method.restart(found[0])
     return found
 

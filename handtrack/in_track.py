@@ -54,7 +54,8 @@ class Track:
         self.shift_mm = np.zeros(3)
         self.misses = 0
         self.frames_astray = 0  # in which it was looked for in the whole frame, or should be
-        self.doubts = 0
+        self.doubts = 0  # frames since the last look
+        self.in_vain = 0  # looks running that changed nothing
         #: Frames in which what was found by a search is not yet trusted.
         self.young = 0 if start.calibrated else YOUNG_FRAMES
         self.anchor = start.estimate  # what a look starts from: the last estimate that was trusted
@@ -81,7 +82,7 @@ class Track:
     def found_again(self, estimate: Estimate) -> None:
         """Go on from where a lost hand was found, without trusting it yet."""
         self.estimate, self.fresh, self.misses = estimate, True, 0
-        self.votes, self.voted_lost = 0, False
+        self.votes, self.voted_lost, self.in_vain = 0, False, 0
         self.young = YOUNG_FRAMES
         self.method.restart(estimate)
 

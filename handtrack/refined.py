@@ -182,7 +182,7 @@ class RefinedMethod:
     def energy(self, view: View, estimate: Estimate) -> float:
         """Energy of an estimate as :meth:`search` would give it, with no pull from elsewhere."""
         prior = self.prior(estimate, loose=4.0)
-        return self.refiner(view, estimate.pose, estimate.theta, prior, 0).energy
+        return self.refiner.weigh(view, estimate.pose, estimate.theta, prior)[1]
 
     def search(self, view: View, seed: Estimate, rng: np.random.Generator) -> Estimate:
         """Sweep and refine from a seed, with a loose prior about it."""
@@ -242,7 +242,7 @@ class RefinedMethod:
         ]
         return min(
             candidates,
-            key=lambda pose: self.refiner(view, pose, predicted.theta, prior, 0).image_energy,
+            key=lambda pose: self.refiner.weigh(view, pose, predicted.theta, prior)[0],
         )
 
     def shifts(self, view: View, predicted: Estimate) -> list[Array]:

@@ -16,9 +16,11 @@ from numpy.typing import NDArray
 
 from handtrack.camera import Camera
 from handtrack.estimate import Estimate
+from handtrack.evidence.candidates import Candidate
 from handtrack.evidence.evidence import Evidence, see, window_around
 from handtrack.evidence.silhouette import Segmenter
 from handtrack.hand.shape import HandShape
+from handtrack.parallel import each
 from handtrack.records import Pose
 from handtrack.refine.view import View
 from handtrack.refined import RefinedMethod
@@ -91,8 +93,8 @@ def calibrated_start(
 
     Without ``fit_shape`` the hand is ``default`` and only its pose is found.
     """
-    best: Start | None = None
-    for candidate in Segmenter.bootstrap(image)[: settings.candidates]:
+
+    def start_on(candidate: Candidate) -> Start | None:
         segmenter = Segmenter.from_mask(image, candidate.mask)
         evidence = see(image, window_around(candidate.mask), camera, segmenter)
         found = calibrate(
@@ -104,18 +106,19 @@ def calibrated_start(
             visible=evidence.visible,
             fit_shape=fit_shape,
         )
-        if found.ok and found.quality > settings.min_quality:
-            start = Start(
-                shape=found.shape,
-                estimate=Estimate(found.pose, found.theta, np.full(20, START_STD)),
-                side=found.side,
-                segmenter=segmenter.mirrored() if found.side == "left" else segmenter,
-                overlap=found.quality,
-                calibrated=True,
-            )
-            if best is None or start.overlap > best.overlap:
-                best = start
-    return best
+        if not found.ok or found.quality <= settings.min_quality:
+            return None
+        return Start(
+            shape=found.shape,
+            estimate=Estimate(found.pose, found.theta, np.full(20, START_STD)),
+            side=found.side,
+            segmenter=segmenter.mirrored() if found.side == "left" else segmenter,
+            overlap=found.quality,
+            calibrated=True,
+        )
+
+    starts = each(start_on, Segmenter.bootstrap(image)[: settings.candidates])
+    return max((s for s in starts if s), key=lambda s: s.overlap, default=None)
 
 
 def searched_start(

@@ -192,7 +192,7 @@ class Background:
         return bool(np.mean(d > 12 + 3 * np.sqrt(self.variance[::4, ::4][use])) > MOVED_SHARE)
 
 
-@numba.njit(cache=True, fastmath=True)
+@numba.njit(cache=True, nogil=True, fastmath=True)
 def update_kernel(rgb, covered, mean, variance, age, memory):  # type: ignore[no-untyped-def]
     """One step of the running mean and variance where nothing covers the pixel."""
     for i in range(mean.shape[0]):

@@ -158,7 +158,7 @@ def histogram(
     return counts / max(float(counts.sum()), 1e-12)
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy", forceinline=True)
+@numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy", forceinline=True)
 def bin_position(y, cr, cb):  # type: ignore[no-untyped-def]
     """Continuous bin coordinates of a YCrCb colour."""
     top, zero = np.float32(N_BINS - 1.001), np.float32(0)
@@ -173,7 +173,7 @@ def bin_position(y, cr, cb):  # type: ignore[no-untyped-def]
     return i, j, k
 
 
-@numba.njit(cache=True, fastmath=True)
+@numba.njit(cache=True, nogil=True, fastmath=True)
 def splat_kernel(ycc, weight, shades, counts):  # type: ignore[no-untyped-def]
     """Add each sample, and its dimmed copies, to the eight bins about it."""
     for n in range(ycc.shape[0]):
@@ -193,7 +193,7 @@ def splat_kernel(ycc, weight, shades, counts):  # type: ignore[no-untyped-def]
                         counts[i0 + di, j0 + dj, k0 + dk] += wk
 
 
-@numba.njit(cache=True, fastmath=True)
+@numba.njit(cache=True, nogil=True, fastmath=True)
 def smooth_kernel(counts):  # type: ignore[no-untyped-def]
     """Smooth in place by (1 2 1)/4 along each axis, luma once more than chroma."""
     n = counts.shape[0]
@@ -217,7 +217,7 @@ def smooth_kernel(counts):  # type: ignore[no-untyped-def]
                     previous = here
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy", forceinline=True)
+@numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy", forceinline=True)
 def densities(table, y, cr, cb):  # type: ignore[no-untyped-def]
     """Interpolated densities of hand and background at a YCrCb colour."""
     i, j, k = bin_position(y, cr, cb)
@@ -235,7 +235,7 @@ def densities(table, y, cr, cb):  # type: ignore[no-untyped-def]
     return f, b
 
 
-@numba.njit(cache=True, fastmath=True)
+@numba.njit(cache=True, nogil=True, fastmath=True)
 def log_odds_kernel(ycc, table, out):  # type: ignore[no-untyped-def]
     """Fill ``out`` ``(n,)`` for ``ycc`` ``(n, 3)``."""
     for n in range(ycc.shape[0]):

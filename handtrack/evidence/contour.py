@@ -112,7 +112,7 @@ def signed_distance(mask: Mask, outline: Outline) -> Float:
     return out
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def count_kernel(labels, seed, area, overlap):  # type: ignore[no-untyped-def]
     """Count each label's pixels ``(n,)``, and those of them in the seed ``(h, w)``."""
     for i in range(labels.shape[0]):
@@ -122,7 +122,7 @@ def count_kernel(labels, seed, area, overlap):  # type: ignore[no-untyped-def]
                 overlap[labels[i, j]] += 1
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def choose_kernel(labels, keep, mask):  # type: ignore[no-untyped-def]
     """Fill ``mask`` ``(h, w)`` with whether each pixel's label is kept."""
     for i in range(labels.shape[0]):
@@ -130,7 +130,7 @@ def choose_kernel(labels, keep, mask):  # type: ignore[no-untyped-def]
             mask[i, j] = keep[labels[i, j]]
 
 
-@numba.njit(cache=True, fastmath=True, forceinline=True)
+@numba.njit(cache=True, nogil=True, fastmath=True, forceinline=True)
 def sample(image, x, y):  # type: ignore[no-untyped-def]
     """Bilinear value of ``image`` ``(h, w)``, held constant beyond its border."""
     h, w = image.shape
@@ -143,7 +143,7 @@ def sample(image, x, y):  # type: ignore[no-untyped-def]
     return (1 - v) * top + v * bottom
 
 
-@numba.njit(cache=True, fastmath=True)
+@numba.njit(cache=True, nogil=True, fastmath=True)
 def refine_kernel(chain, log_odds, gradient):  # type: ignore[no-untyped-def]
     """Points, outward normals and whether snapped, of a closed chain ``(m, 2)`` of pixels."""
     m = len(chain)
@@ -181,7 +181,7 @@ def refine_kernel(chain, log_odds, gradient):  # type: ignore[no-untyped-def]
     return points, normals, snapped
 
 
-@numba.njit(cache=True, fastmath=True, forceinline=True)
+@numba.njit(cache=True, nogil=True, fastmath=True, forceinline=True)
 def settle(pixel, nx, ny, log_odds, gradient):  # type: ignore[no-untyped-def]
     """Offset along the normal to the zero of the log odds, or towards the gradient's maximum."""
     x, y = pixel[0], pixel[1]
@@ -213,7 +213,7 @@ def settle(pixel, nx, ny, log_odds, gradient):  # type: ignore[no-untyped-def]
     return zero + (OUTWARDS if t > zero else INWARDS) * (t - zero), True
 
 
-@numba.njit(cache=True, fastmath=True)
+@numba.njit(cache=True, nogil=True, fastmath=True)
 def distance_kernel(mask, distance, labels, owner, points, normals, out):  # type: ignore[no-untyped-def]
     """Distance to the owner of each pixel's label or a neighbour on its chain, with a sign."""
     h, w = mask.shape

@@ -69,13 +69,24 @@ class Edges:
         freeze_arrays(self)
 
 
-def find_edges(rgb: Pixels, hand: Mask | None = None) -> Edges:
-    """Edges of a crop ``(h, w, 3)`` with the hand at ``hand`` ``(h, w)``, if that is known."""
+def gradients(rgb: Pixels) -> tuple[Float, Float, Float]:
+    """Unit gradient x, y and its magnitude ``(h, w)`` of the channel that changes most."""
     soft = cv2.GaussianBlur(rgb.astype(np.float32), (5, 5), SIGMA_PX)
     gx = cv2.Scharr(soft, cv2.CV_32F, 1, 0, scale=1 / 32)
     gy = cv2.Scharr(soft, cv2.CV_32F, 0, 1, scale=1 / 32)
     nx, ny, g = np.zeros((3, *rgb.shape[:2]), np.float32)
     strongest_kernel(gx, gy, nx, ny, g)
+    return nx, ny, g
+
+
+def find_edges(rgb: Pixels, hand: Mask | None = None) -> Edges:
+    """Edges of a crop ``(h, w, 3)`` with the hand at ``hand`` ``(h, w)``, if that is known."""
+    return edges_of(gradients(rgb), hand)
+
+
+def edges_of(gradient: tuple[Float, Float, Float], hand: Mask | None = None) -> Edges:
+    """Edges of a crop from its :func:`gradients`."""
+    nx, ny, g = gradient
     few = g[::3, ::3]
     noise = max(LEAST_NOISE, _quantile(few, 0.25))
     if hand is not None and hand[::3, ::3].sum() > 50:
@@ -94,7 +105,7 @@ def _quantile(values: Float, q: float) -> float:
     return float(np.partition(values.ravel(), k)[k])
 
 
-@numba.njit(cache=True, fastmath=True)
+@numba.njit(cache=True, nogil=True, fastmath=True)
 def strongest_kernel(gx, gy, nx, ny, g):  # type: ignore[no-untyped-def]
     """Gradient of the channel that changes most: unit vector and magnitude ``(h, w)``."""
     h, w = g.shape
@@ -110,7 +121,7 @@ def strongest_kernel(gx, gy, nx, ny, g):  # type: ignore[no-untyped-def]
             nx[i, j], ny[i, j] = gx[i, j, c] / length, gy[i, j, c] / length
 
 
-@numba.njit(cache=True, fastmath=True)
+@numba.njit(cache=True, nogil=True, fastmath=True)
 def strength_kernel(g, usual, noise, strength):  # type: ignore[no-untyped-def]
     """The module's ratio; ``noise`` is ``(2 n)^2``."""
     for i in range(g.shape[0]):
@@ -120,7 +131,7 @@ def strength_kernel(g, usual, noise, strength):  # type: ignore[no-untyped-def]
             strength[i, j] = square / (square + rest)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def chain_kernel(index, value):  # type: ignore[no-untyped-def]
     """Which points ``(k,)`` are in a chain (8-connected) that is long and somewhere strong.
 
@@ -156,7 +167,7 @@ def chain_kernel(index, value):  # type: ignore[no-untyped-def]
     return kept
 
 
-@numba.njit(cache=True, fastmath=True)
+@numba.njit(cache=True, nogil=True, fastmath=True)
 def thin_kernel(ux, uy, g, strength, weak):  # type: ignore[no-untyped-def]
     """Maxima of ``g`` across the edge.
 

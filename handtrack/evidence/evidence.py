@@ -24,8 +24,9 @@ from numpy.typing import NDArray
 
 from handtrack.camera import Camera, Window
 from handtrack.evidence.contour import Outline, clean, signed_distance, trace
-from handtrack.evidence.edges import find_edges
+from handtrack.evidence.edges import edges_of, gradients
 from handtrack.evidence.silhouette import Segmenter
+from handtrack.parallel import both
 from handtrack.records import freeze_arrays
 
 Pixels = NDArray[np.uint8]
@@ -129,13 +130,21 @@ def see(
     """
     image = crop(frame_rgb, window)
     visible = _visible(frame_rgb, window)
-    log_odds = segmenter.log_odds(image, window)
-    if seed is not None and seed.any():
-        log_odds = log_odds + _seed_log_odds(seed)
-    log_odds = np.asarray(cv2.GaussianBlur(log_odds, (3, 3), 0.7), np.float32)
+
+    def hand_or_not() -> Float:
+        log_odds = segmenter.log_odds(image, window)
+        if seed is not None and seed.any():
+            log_odds = log_odds + _seed_log_odds(seed)
+        return np.asarray(cv2.GaussianBlur(log_odds, (3, 3), 0.7), np.float32)
+
+    log_odds, gradient = both(hand_or_not, lambda: gradients(image))
     extended = clean(log_odds > 0, seed)
-    edges = find_edges(image, extended)
-    outline = trace(extended, log_odds, edges.gradient)
+
+    def around() -> tuple[Outline, Float]:
+        outline = trace(extended, log_odds, gradient[2])
+        return outline, signed_distance(extended, outline)
+
+    (outline, sdf), edges = both(around, lambda: edges_of(gradient, extended))
     kept = _inside(outline.points, frame_rgb, window)
     on_edge = _inside(edges.points, frame_rgb, window)
     return Evidence(
@@ -145,7 +154,7 @@ def see(
         visible=visible,
         probability=np.asarray(visible / (1 + cv2.exp(-log_odds)), np.float32),
         mask=extended & visible,
-        sdf=signed_distance(extended, outline),
+        sdf=sdf,
         contour=outline.points[kept],
         contour_normal=outline.normals[kept],
         contour_snapped=outline.snapped[kept],

@@ -58,7 +58,7 @@ def log_odds_image(
     return out
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def log_odds_kernel(rgb, ycc, table, local, shadow_share, volume, out):  # type: ignore[no-untyped-def]
     """Fill ``out`` ``(h, w)``; ``local`` may be empty."""
     h, w = out.shape
@@ -79,7 +79,7 @@ def log_odds_kernel(rgb, ycc, table, local, shadow_share, volume, out):  # type:
                 out[i, j] = pixel(rgb, ycc, table, local, shadow_share, volume, i, j)
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy", forceinline=True)
+@numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy", forceinline=True)
 def pixel(rgb, ycc, table, local, shadow_share, volume, i, j):  # type: ignore[no-untyped-def]
     """Log odds at one pixel."""
     f, b = densities(table, ycc[i, j, 0], ycc[i, j, 1], ycc[i, j, 2])
@@ -89,7 +89,7 @@ def pixel(rgb, ycc, table, local, shadow_share, volume, i, j):  # type: ignore[n
     return min(max(np.log(f / b), np.float32(-MOST)), np.float32(MOST))
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy", forceinline=True)
+@numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy", forceinline=True)
 def wall_density(rgb, local, shadow_share, volume, i, j):  # type: ignore[no-untyped-def]
     """Density per bin of what stands behind this pixel, plain or in the shade.
 

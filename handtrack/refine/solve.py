@@ -129,6 +129,17 @@ class Refiner:
         self.parts = (hand.capsule_node, hand.capsule_digit, hand.capsule_bone)
         self.limits, self.weights = np.array(LIMITS), settings.weights()
 
+    def weigh(self, view: View, pose: Pose, theta: Array, prior: Prior) -> tuple[float, float]:
+        """Image energy and whole energy of a hand as it is."""
+        image, whole = total_energy(
+            np.array(pose.R), np.array(pose.t_mm), np.array(theta, float),
+            self.sizes, self.parts, self.contour(view, pose), self.inner(view, pose),
+            view.maps, view.intrinsics,
+            self.weights, prior.arrays, self.limits,
+            np.radians(self.settings.limit_std_deg), np.empty((0, 0)), np.empty(0),
+        )  # fmt: skip
+        return float(image), float(whole)
+
     def contour(self, view: View, pose: Pose) -> Array:
         """Contour points with weights ``(m, 5)`` as the kernels take them."""
         return view.weighted(view.outline, pose, self.settings.wrist_line_mm)
