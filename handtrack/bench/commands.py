@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 from tqdm import tqdm
 
+from calib.hand import calibrate_hand
 from handtrack.bench.ablation import ablate, variants
 from handtrack.bench.comparison import compare
 from handtrack.bench.metrics import score
@@ -35,7 +36,9 @@ from handtrack.bench.table import (
     as_text,
     paper_table,
     samples_table,
+    tracker_ablation_table,
 )
+from handtrack.bench.tracker_ablation import ablate_tracker, tracker_variants
 from handtrack.bench.tracks import read_track, read_truth
 from handtrack.errors import InputError, OutputError
 from handtrack.hand.space import default as default_space
@@ -172,18 +175,19 @@ class BenchSamples:
 
 @dataclass(frozen=True)
 class BenchAblations:
-    """What each choice is worth: the paper's sampling with one choice taken back at a time.
+    """What each choice is worth: one taken back at a time.
 
-    Surface, silhouette term, basis states and dimensions, on the same frames with the true palm
-    pose and hand. Writes ablations.json.
+    Of the paper's sampling: surface, silhouette term, basis states and dimensions, on the same
+    frames with the true palm pose and hand. Of whole trackers, with nothing handed over: what
+    each proposes, and the turns of palm and fingers. Writes ablations.json.
     """
 
     condition: str = "clean"
     """The ready scene."""
     seeds: int = 3
-    """Runs of each."""
+    """Runs of each; whole trackers: clips."""
     frames: int = 100
-    """Frames of the clip that are used."""
+    """Frames of the clip that are used; whole trackers see all of it."""
     out: Path = Path("bench")
     """Folder for the results."""
     clips: Path | None = None
@@ -192,15 +196,21 @@ class BenchAblations:
     """No progress bar."""
 
     def __call__(self) -> int:
-        """Run and print the table; the exit code is 0."""
-        clip = ClipCache(self.clips or self.out / "clips")(self.condition, 0)
-        space = default_space()
+        """Run and print the tables; the exit code is 0."""
+        render = ClipCache(self.clips or self.out / "clips")
+        clip, space = render(self.condition, 0), default_space()
         hidden = self.quiet or not sys.stderr.isatty()
         total = self.seeds * len(variants(space))
         runs = ablate(clip, space, self.seeds, self.frames)
         outcomes = list(tqdm(runs, total=total, unit="run", disable=hidden))
         print(ablation_table(outcomes))
         rows = [{"variant": name} | asdict(outcome) for name, outcome in outcomes]
+        clips = [render(self.condition, seed) for seed in range(self.seeds)]
+        total = len(clips) * len(tracker_variants())
+        whole = ablate_tracker(clips, calibrate_hand)
+        scores = list(tqdm(whole, total=total, unit="clip", disable=hidden))
+        print(f"\n{tracker_ablation_table(scores)}")
+        rows += [{"tracker": name} | found for name, found in scores]
         _write_json(self.out / "ablations.json", rows)
         return 0
 

@@ -13,7 +13,7 @@ from statistics import median
 from typing import Any
 
 from handtrack.bench.comparison import Outcome
-from handtrack.bench.metrics import PAPER_ROWS
+from handtrack.bench.metrics import PAPER_ROWS, Scores
 
 #: Scores of the main table and their headings.
 MAIN: dict[str, str] = {
@@ -92,6 +92,22 @@ def ablation_table(outcomes: Sequence[tuple[str, Outcome]]) -> str:
         numbers = [median(bend), min(bend), max(bend)]
         numbers += [median(o.pip_deg for o in group), median(o.ms for o in group)]
         rows.append([name, str(group[0].samples), *(f"{x:.2f}" for x in numbers)])
+    return aligned(rows)
+
+
+def tracker_ablation_table(scores: Sequence[tuple[str, Scores]]) -> str:
+    """Whole trackers: medians over the clips, and the range of the bend."""
+    groups: dict[str, list[Scores]] = defaultdict(list)
+    for name, found in scores:
+        groups[name].append(found)
+    columns = {"palm_deg": "palm deg", "keypoints_px": "px", "jitter_deg": "jitter"}
+    columns |= {"tracked_share": "tracked"}
+    rows = [["whole tracker", "clips", "bend deg", "low", "high", *columns.values()]]
+    for name, group in groups.items():
+        bend = [s["bend_deg"] for s in group]
+        numbers = [median(bend), min(bend), max(bend)]
+        numbers += [median(s[column] for s in group) for column in columns]
+        rows.append([name, str(len(group)), *(f"{x:.2f}" for x in numbers)])
     return aligned(rows)
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calib.hand import calibrate_hand
 from handtrack.bench.ablation import variants
 from handtrack.bench.comparison import (
     SCHEMES,
@@ -16,7 +17,8 @@ from handtrack.bench.comparison import (
 from handtrack.bench.metrics import bends_deg
 from handtrack.bench.plots import by_count, plot_comparison, plot_speed
 from handtrack.bench.speed import time_likelihood
-from handtrack.bench.table import ablation_table, samples_table
+from handtrack.bench.table import ablation_table, samples_table, tracker_ablation_table
+from handtrack.bench.tracker_ablation import ablate_tracker, tracker_variants
 from handtrack.errors import InputError, OutputError
 from handtrack.fingers.likelihood import LikelihoodSettings
 from handtrack.hand.kinematics import keypoints_mm
@@ -120,3 +122,18 @@ def test_left_hands_are_refused(clip, tmp_path):
     with pytest.raises(InputError, match="right hand"):
         moments(tmp_path, 2)
     assert isinstance(moments(clip, 1)[1], HandShape)
+
+
+def test_a_whole_tracker_without_one_of_its_choices_is_another_tracker():
+    whole = tracker_variants()
+    assert len({repr(settings) for settings in whole.values()}) == len(whole)
+
+
+def test_whole_trackers_are_scored_and_tabled(clip):
+    few = {name: tracker_variants()[name] for name in ("refined", "palm and fingers once")}
+    scores = list(ablate_tracker([clip], calibrate_hand, few))
+    assert [name for name, _ in scores] == list(few)
+    assert all(0 < found["bend_deg"] < 40 for _, found in scores)
+    lines = tracker_ablation_table(scores).splitlines()
+    assert len(lines) == 3
+    assert f"{scores[0][1]['bend_deg']:.2f}" in lines[1]
