@@ -37,6 +37,7 @@ class Calibration(Protocol):
     pose: Pose
     theta: NDArray[np.float64]
     side: str
+    residual_px: float
     quality: float
 
     @property
@@ -113,7 +114,8 @@ def calibrated_start(
             estimate=Estimate(found.pose, found.theta, np.full(20, START_STD)),
             side=found.side,
             segmenter=segmenter.mirrored() if found.side == "left" else segmenter,
-            overlap=found.quality,
+            # of silhouettes alike, the one that is a hand and nothing else
+            overlap=found.quality * evidence.confidence / (1 + found.residual_px),
             calibrated=True,
         )
 

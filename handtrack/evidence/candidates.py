@@ -43,6 +43,11 @@ MAX_CANDIDATES = 8
 #: Chromaticity of skin: mean and standard deviation of ``(log R/G, log G/B)``.
 SKIN_MEAN = (0.30, 0.20)
 SKIN_STD = (0.13, 0.20)
+#: Least spread of a hand's own chromaticity.
+LEAST_CHROMA_SIGMA = 0.05
+#: So many of the best candidates are also tried without what is of another colour, if what is left
+#: is such a share of them.
+PURIFIED, PURER_SHARE = 2, (0.5, 0.985)
 #: A hand takes this share of the picture.
 AREA_RANGE = (0.008, 0.6)
 
@@ -58,7 +63,8 @@ class Candidate:
     score : float
         Plausibility between 0 and 1; only the order means something.
     cue : str
-        What proposed it: "skin", "backdrop", "motion", "parts", "clusters" or "learned".
+        What proposed it: "skin", "backdrop", "motion", "parts", "clusters" or "learned"; "pure"
+        for the one-coloured part of the candidate before it.
     """
 
     mask: Mask
@@ -98,17 +104,36 @@ def ranked(
     found.sort(key=lambda candidate: -candidate.score)
     return [
         Candidate(cv2.resize(c.mask.astype(np.float32), size) > 0.5, c.score, c.cue)
-        for c in _distinct(found)[:MAX_CANDIDATES]
+        for c in _with_purer_ones(rgb, _distinct(found))[:MAX_CANDIDATES]
     ]
+
+
+def one_coloured(rgb: Pixels, mask: Mask) -> Mask:
+    """The part of a mask ``(h, w)`` whose chromaticity is that of most of it.
+
+    Light and shade leave ``(log R/G, log G/B)`` as it is; a pink thing that touches the hand does
+    not have the hand's.
+    """
+    ratio = np.stack(chromaticity(cv2.GaussianBlur(rgb, (5, 5), 0)), axis=-1)
+    inside = ratio[mask]
+    middle = np.median(inside, axis=0)
+    sigma = np.maximum(1.5 * np.median(np.abs(inside - middle), axis=0), LEAST_CHROMA_SIGMA)
+    alike = (np.abs(ratio - middle) < 4 * sigma).all(axis=-1)
+    return np.asarray(mask & alike, bool)
 
 
 def skin_log_odds(rgb: Pixels) -> Float:
     """Log odds ``(h, w)`` of skin by chromaticity alone, for any tone; dark pixels say less."""
-    R, G, B = (rgb[..., c].astype(np.float32) + 4.0 for c in range(3))
-    z2 = ((np.log(R / G) - SKIN_MEAN[0]) / SKIN_STD[0]) ** 2
-    z2 += ((np.log(G / B) - SKIN_MEAN[1]) / SKIN_STD[1]) ** 2
-    sure = np.clip((R - 15) / 40, 0, 1)
+    log_rg, log_gb = chromaticity(rgb)
+    z2 = ((log_rg - SKIN_MEAN[0]) / SKIN_STD[0]) ** 2 + ((log_gb - SKIN_MEAN[1]) / SKIN_STD[1]) ** 2
+    sure = np.clip((rgb[..., 0].astype(np.float32) - 11) / 40, 0, 1)
     return np.asarray(sure * np.clip(2.0 - 0.5 * z2, -4, 2), np.float32)
+
+
+def chromaticity(rgb: Pixels) -> tuple[Float, Float]:
+    """``log R/G`` and ``log G/B`` ``(h, w)``, steadied where it is dark."""
+    R, G, B = (np.log(rgb[..., c].astype(np.float32) + 4.0) for c in range(3))
+    return R - G, G - B
 
 
 def components(mask: Mask) -> list[Mask]:
@@ -256,6 +281,17 @@ def _otsu(values: Float) -> float:
     top = max(float(values.max()), 1e-6)
     scaled = (values * (255 / top)).astype(np.uint8)
     return float(cv2.threshold(scaled, 0, 255, cv2.THRESH_OTSU)[0]) * top / 255
+
+
+def _with_purer_ones(rgb: Pixels, found: list[Candidate]) -> list[Candidate]:
+    """Candidates, the best ones followed by their one-coloured part where that is another."""
+    out: list[Candidate] = []
+    for rank, c in enumerate(found):
+        out.append(c)
+        parts = components(one_coloured(rgb, c.mask)) if rank < PURIFIED else []
+        if parts and PURER_SHARE[0] < parts[0].sum() / c.mask.sum() < PURER_SHARE[1]:
+            out.append(Candidate(parts[0], c.score, "pure"))
+    return out
 
 
 def _distinct(found: list[Candidate]) -> list[Candidate]:

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from handtrack.evidence.background import Background
+from handtrack.evidence.candidates import find_candidates, one_coloured
 from handtrack.evidence.silhouette import Segmenter
 
 
@@ -79,3 +80,18 @@ def test_a_hand_that_was_learned_is_found_again(drawing):
     assert overlap(found[0].mask, again.mask) > 0.85
     assert found[0].cue == "learned"
     assert segmenter.find(place.astype(np.uint8)) == []
+
+
+def test_a_pink_thing_that_touches_the_hand_is_left_out():
+    picture = np.full((120, 160, 3), (60, 80, 160), np.uint8)
+    hand, stick = np.zeros((2, 120, 160), bool)
+    hand[30:100, 50:110] = True
+    stick[10:40, 105:118] = True
+    picture[stick] = (235, 130, 200)
+    shade = np.linspace(0.5, 1.0, 120)[:, None, None]  # a hand half in the shade stays whole
+    skin = shade * np.ones((120, 160, 1)) * (230, 165, 140)
+    picture[hand] = skin[hand].astype(np.uint8)
+    pure = one_coloured(picture, hand | stick)
+    assert pure[hand].mean() > 0.97
+    assert pure[stick & ~hand].mean() < 0.1
+    assert best(find_candidates(picture), hand) > 0.95
