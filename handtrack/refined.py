@@ -32,8 +32,9 @@ from handtrack.records import Pose
 from handtrack.refine.facing import Facing
 from handtrack.refine.matches import contour_pairs
 from handtrack.refine.pitch import pitched
+from handtrack.refine.prior import Prior
 from handtrack.refine.snap import snapped
-from handtrack.refine.solve import Prior, Refined, Refiner, RefineSettings
+from handtrack.refine.solve import Refined, Refiner, RefineSettings
 from handtrack.refine.sweep import SweepSettings, sweep
 from handtrack.refine.view import View
 from handtrack.window import shifted_pose

@@ -114,7 +114,8 @@ def one_coloured(rgb: Pixels, mask: Mask) -> Mask:
     Light and shade leave ``(log R/G, log G/B)`` as it is; a pink thing that touches the hand does
     not have the hand's.
     """
-    ratio = np.stack(chromaticity(cv2.GaussianBlur(rgb, (5, 5), 0)), axis=-1)
+    soft = np.asarray(cv2.GaussianBlur(rgb, (5, 5), 0), np.uint8)
+    ratio = np.stack(chromaticity(soft), axis=-1)
     inside = ratio[mask]
     middle = np.median(inside, axis=0)
     sigma = np.maximum(1.5 * np.median(np.abs(inside - middle), axis=0), LEAST_CHROMA_SIGMA)

@@ -1,6 +1,6 @@
 """The matches that refinement works on, for people to look at.
 
-Each contour point pulls on the capsule that :func:`~handtrack.refine.residuals.nearest_outline`
+Each contour point pulls on the capsule that :func:`~handtrack.refine.outline.nearest_outline`
 gives it; here is where on that capsule's outline the pull ends. The search is the refinement's own,
 so what is shown is what was minimised.
 """
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.estimate import Estimate
-from handtrack.refine.residuals import FARTHEST_PX, frame_capsules, nearest_outline
+from handtrack.refine.outline import FARTHEST_PX, frame_capsules, nearest_outline
 from handtrack.refine.solve import Refiner
 from handtrack.refine.view import View
 

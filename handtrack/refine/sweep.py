@@ -14,16 +14,10 @@ from numpy.typing import NDArray
 
 from handtrack.hand.skeleton import LIMITS
 from handtrack.records import Pose
-from handtrack.refine.residuals import (
-    FARTHEST_PX,
-    frame_capsules,
-    nearest_outline,
-    place_digit,
-    place_nodes,
-    rho,
-    sample_energy,
-)
-from handtrack.refine.solve import Prior, Refiner, digit_prior
+from handtrack.refine.outline import FARTHEST_PX, frame_capsules, nearest_outline
+from handtrack.refine.prior import Prior, digit_prior
+from handtrack.refine.residuals import place_digit, place_nodes, rho, sample_energy
+from handtrack.refine.solve import Refiner
 from handtrack.refine.view import View
 
 Array = NDArray[np.float64]

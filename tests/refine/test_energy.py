@@ -8,12 +8,13 @@ import pytest
 from handtrack import rotation
 from handtrack.estimate import Estimate
 from handtrack.records import Pose
+from handtrack.refine import prior as priors
 from handtrack.refine import solve
 from handtrack.refine.view import View
 from handtrack.refined import RefinedMethod
 
 
-def terms(method: RefinedMethod, view: View, pose: Pose, theta: np.ndarray, prior: solve.Prior):
+def terms(method: RefinedMethod, view: View, pose: Pose, theta: np.ndarray, prior: priors.Prior):
     """Energy of ``(w, v, theta)`` increments about a pose, and its half gradient there."""
     r = method.refiner
     fixed = (
@@ -85,12 +86,12 @@ def test_where_the_palm_has_faced_pulls_it_until_it_clearly_faces_elsewhere() ->
     none = np.empty((0, 0)), np.empty(0)
     facing, std = np.array([0.0, 0.0, -1.0]), np.radians(6.0)
     cost = [
-        solve.facing_energy(rotation.about_x(np.radians(a)) @ facing, facing, std**-2, *none)
+        priors.facing_energy(rotation.about_x(np.radians(a)) @ facing, facing, std**-2, *none)
         for a in (0.0, 6.0, 30.0, 180.0)
     ]
     assert cost[0] == 0
     assert 0.7 < cost[1] < 1.0
-    assert cost[2] < cost[3] < solve.FACING_TAIL < 1.2 * cost[2]
+    assert cost[2] < cost[3] < priors.FACING_TAIL < 1.2 * cost[2]
 
 
 @pytest.mark.parametrize("seed", range(3))
