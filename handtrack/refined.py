@@ -171,7 +171,7 @@ class RefinedMethod:
         return found
 
     def restart(self, estimate: Estimate, sure: bool = False) -> None:
-        """Forget where the palm has faced; it now faces as in ``estimate``, if that is sure."""
+        """The palm faces as in ``estimate``, if that is sure; else its past may be forgotten."""
         self.facing.begin(estimate.pose.R[:, 2], known=sure)
 
     def settle(self, view: View, seed: Estimate) -> Estimate:

@@ -22,6 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+#: A palm that faces within this of the mean faces as it did.
+NEAR_RAD = np.radians(15.0)
 
 
 class Facing:
@@ -44,8 +46,12 @@ class Facing:
         return self.watched / self.frames
 
     def begin(self, normal: Array, known: bool = False) -> None:
-        """Forget; go on from ``normal`` ``(3,)``, which is ``known`` or only guessed."""
-        self.normal, self.watched = np.array(normal), self.frames if known else 0
+        """Go on from ``normal`` ``(3,)``, which is ``known`` or only guessed.
+
+        A guess that is about where the palm has faced forgets nothing.
+        """
+        if known or float(normal @ self.normal) < np.cos(NEAR_RAD):
+            self.normal, self.watched = np.array(normal), self.frames if known else 0
 
     def watch(self, normal: Array) -> None:
         """Take in the normal ``(3,)`` of one more frame."""

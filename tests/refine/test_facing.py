@@ -18,6 +18,16 @@ def test_a_guess_counts_for_nothing_until_it_has_been_watched() -> None:
     np.testing.assert_allclose(facing.normal, FRONT, atol=1e-12)  # the guess is forgotten
 
 
+def test_a_palm_found_where_it_faced_keeps_its_past_and_another_does_not() -> None:
+    facing = Facing(frames=10)
+    facing.begin(FRONT, known=True)
+    facing.begin(np.array([np.sin(0.1), 0.0, -np.cos(0.1)]))
+    assert facing.weight == 1
+    np.testing.assert_array_equal(facing.normal, FRONT)
+    facing.begin(np.array([np.sin(0.5), 0.0, -np.cos(0.5)]))
+    assert facing.weight == 0
+
+
 def test_the_mean_follows_a_turn_slowly() -> None:
     facing = Facing(frames=30)
     facing.begin(FRONT, known=True)
