@@ -74,10 +74,13 @@ class Result:
 
 
 def trials(
-    conditions: Sequence[str], seeds: int, methods: Sequence[str], particles: int | None = None
+    conditions: Sequence[str],
+    seeds: Sequence[int],
+    methods: Sequence[str],
+    particles: int | None = None,
 ) -> list[Trial]:
     """All of them, clip by clip."""
-    return [Trial(c, s, m, particles) for c in conditions for s in range(seeds) for m in methods]
+    return [Trial(c, s, m, particles) for c in conditions for s in seeds for m in methods]
 
 
 def run_trial(trial: Trial, clip: Path, out: Path, hand: HandGiven = "calibrated") -> Result:

@@ -63,7 +63,7 @@ def test_a_baseline_is_written_and_read(tmp_path):
 @pytest.mark.ratchet
 @pytest.mark.slow
 def test_accuracy_is_not_worse_than_the_baseline(tmp_path):
-    todo = trials(SUITES["reduced"], SEEDS, ("refined",))
+    todo = trials(SUITES["reduced"], range(SEEDS), ("refined",))
     try:
         results = list(run_suite(todo, ClipCache(tmp_path / "clips", FRAMES), tmp_path))
     except NoGLError as error:

@@ -118,7 +118,7 @@ def test_summary_and_tables():
 
 
 def test_trials_go_clip_by_clip():
-    todo = trials(("a", "b"), 2, ("refined", "paper"))
+    todo = trials(("a", "b"), range(2), ("refined", "paper"))
     assert [t.name for t in todo[:3]] == ["a-0-refined", "a-0-paper", "a-1-refined"]
     assert len(todo) == 8
 
