@@ -5,6 +5,7 @@ Arrays in records are read-only copies. A value that is not known is NaN.
 
 from dataclasses import dataclass, fields
 from enum import Enum
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -13,14 +14,22 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def freeze_arrays(record: Any) -> None:
-    """Replace every array of a frozen dataclass by a read-only copy (call in ``__post_init__``)."""
-    for field in fields(record):
-        value = getattr(record, field.name)
+def freeze_arrays(record: Any, copy: bool = True) -> None:
+    """Replace every array of a frozen dataclass by a read-only copy (call in ``__post_init__``).
+
+    Without ``copy`` it is a read-only view of them: for arrays that nobody else changes.
+    """
+    for name in _names(type(record)):
+        value = getattr(record, name)
         if isinstance(value, np.ndarray):
-            copy = value.copy()
-            copy.setflags(write=False)
-            object.__setattr__(record, field.name, copy)
+            frozen = value.copy() if copy else value.view()
+            frozen.setflags(write=False)
+            object.__setattr__(record, name, frozen)
+
+
+@cache
+def _names(kind: Any) -> tuple[str, ...]:
+    return tuple(field.name for field in fields(kind))
 
 
 class Status(Enum):

@@ -66,7 +66,7 @@ class Edges:
     point_strength: Float
 
     def __post_init__(self) -> None:
-        freeze_arrays(self)
+        freeze_arrays(self, copy=False)  # a crop's pictures are made for it alone
 
 
 def gradients(rgb: Pixels) -> tuple[Float, Float, Float]:

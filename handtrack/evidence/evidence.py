@@ -97,7 +97,7 @@ class Evidence:
     confidence: float
 
     def __post_init__(self) -> None:
-        freeze_arrays(self)
+        freeze_arrays(self, copy=False)  # a crop's pictures are made for it alone
 
     @property
     def edge_direction(self) -> Float:
