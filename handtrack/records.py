@@ -19,7 +19,8 @@ def freeze_arrays(record: Any, copy: bool = True) -> None:
 
     Without ``copy`` it is a read-only view of them: for arrays that nobody else changes.
     """
-    for name in _names(type(record)):
+    kind: Any = type(record)
+    for name in _names(kind):
         value = getattr(record, name)
         if isinstance(value, np.ndarray):
             frozen = value.copy() if copy else value.view()
