@@ -40,6 +40,8 @@ class BenchClip:
     """What is compared."""
     spans: tuple[str, ...] = ()
     """Frames that count, as first:last; default: all."""
+    seed: int = 0
+    """Seed of all randomness: how much of a row is luck."""
     worst: int = 5
     """How many of the frames where the two disagree most are named."""
 
@@ -51,7 +53,9 @@ class BenchClip:
         for method in self.methods:
             begin = time.perf_counter()
             folder = self.out / method
-            run_clip(RunSettings(clip=self.clip, out=folder, method=method, quiet=True))
+            run_clip(
+                RunSettings(clip=self.clip, out=folder, method=method, seed=self.seed, quiet=True)
+            )
             seconds = time.perf_counter() - begin
             print(self._row(method, read_tables(folder), other, counted, seconds), flush=True)
         return 0
