@@ -10,18 +10,18 @@ sign would mean that the kinematics has it.
 """
 
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.errors import OutputError
 from handtrack.hand.kinematics import keypoints_mm
 from handtrack.hand.shape import HandShape
 from handtrack.hand.skeleton import ANGLE_NAMES, DIGITS, KEYPOINT_NAMES, TIPS
 from handtrack.output.drawing import DIGIT_COLOURS
-from handtrack.output.files import hidden_beside, put_in_place
+from handtrack.output.files import save_whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -214,14 +214,8 @@ def write(path: Path) -> None:
     OutputError
         It cannot be written.
     """
-    part = hidden_beside(path)
-    try:
-        draw().savefig(part, format="png", dpi=80, metadata={"Software": None})
-        put_in_place(part, path)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
-    finally:
-        part.unlink(missing_ok=True)
+    figure = draw()
+    save_whole(path, partial(figure.savefig, format="png", dpi=80, metadata={"Software": None}))
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ False
 """
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
@@ -69,6 +69,24 @@ def open_whole(path: Path) -> Iterator[IO[str]]:
     try:
         with open(part, "w", encoding="utf-8", newline="") as file:
             yield file
+        put_in_place(part, path)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def save_whole(path: Path, save: Callable[[Path], object]) -> None:
+    """A file that ``save`` writes under the name it is given; ``path`` if it did not fail.
+
+    Raises
+    ------
+    OutputError
+        It cannot be written.
+    """
+    part = hidden_beside(path)
+    try:
+        save(part)
         put_in_place(part, path)
     except OSError as error:
         raise OutputError(f"{path}: cannot be written ({error.strerror})") from error

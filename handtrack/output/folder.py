@@ -14,7 +14,7 @@ from handtrack.errors import OutputError
 from handtrack.hand.shape import HandShape
 from handtrack.hand.space import ConfigurationSpace
 from handtrack.layers import FrameLayers
-from handtrack.output.files import hidden_beside, output_folder, put_in_place
+from handtrack.output.files import output_folder, save_whole
 from handtrack.output.motion import MOTION_BVH, MotionWriter
 from handtrack.output.overlay import OVERLAY_MP4, Image, OverlayWriter
 from handtrack.output.provenance import RUN_JSON, write_provenance
@@ -109,7 +109,7 @@ class RunFolder:
         before = {path: _inode(path) for path in (self.path / name for name in FILES)}
         steps: list[Callable[[], None]] = [table.finish for table in self._tables]
         steps.append(partial(self._motion.finish, shape, side))
-        steps += [partial(_save_whole, self.path / name, save) for name, save in extra.items()]
+        steps += [partial(save_whole, self.path / name, save) for name, save in extra.items()]
         if self._overlay is not None:
             steps.append(self._overlay.finish)
         steps.append(partial(self._finish_report, record))
@@ -141,15 +141,6 @@ class RunFolder:
 
 def _inode(path: Path) -> int | None:
     return path.stat().st_ino if path.exists() else None
-
-
-def _save_whole(path: Path, save: Callable[[Path], None]) -> None:
-    part = hidden_beside(path)
-    try:
-        save(part)
-        put_in_place(part, path)
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def _fault_of(step: Callable[[], None]) -> Exception | None:
