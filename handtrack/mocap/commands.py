@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from handtrack import rotation
-from handtrack.errors import InputError, OutputError
+from handtrack.errors import InputError
 from handtrack.mocap import page
 from handtrack.mocap.attach import attach, disturbed, find_mapping
 from handtrack.mocap.bvh import read_bvh
@@ -33,7 +33,7 @@ from handtrack.mocap.result import record_of, report, trajectory_of
 from handtrack.mocap.settings import Handover
 from handtrack.mocap.sources import Method, rank_sources
 from handtrack.output.bvh import write_hand_bvh
-from handtrack.output.files import hidden_beside, open_whole, output_folder, put_in_place
+from handtrack.output.files import open_whole, output_folder, save_whole
 from handtrack.output.provenance import RUN_JSON, versions, write_provenance
 from handtrack.output.table import ANGLES_CSV, TableWriter
 from handtrack.trajectory import Trajectory, angle_columns
@@ -129,7 +129,7 @@ class MarkersRank:
                 lambda text: _advance(bar, text),
             )
         picture = page.png(page.draw_ranking(ranking, chosen, ranking.top(self.top)))
-        _write_bytes(self.out, picture)
+        save_whole(self.out, lambda part: part.write_bytes(picture))
         print(f"rank  marker        share   ({ranking.method})")
         for k, (label, share) in enumerate(zip(ranking.order, ranking.share, strict=True), 1):
             print(f"{k:4d}  {label:12s}  {100 * share:4.1f} %{'  *' if k <= self.top else ''}")
@@ -264,14 +264,3 @@ def _progress(total: int, unit: str, quiet: bool = False) -> "tqdm[None]":
 def _advance(bar: "tqdm[None]", text: str) -> None:
     bar.set_postfix_str(text, refresh=False)
     bar.update()
-
-
-def _write_bytes(path: Path, data: bytes) -> None:
-    part = hidden_beside(path)
-    try:
-        part.write_bytes(data)
-        put_in_place(part, path)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
-    finally:
-        part.unlink(missing_ok=True)

@@ -57,6 +57,25 @@ def put_in_place(part: Path, path: Path) -> None:
 
 
 @contextmanager
+def whole(path: Path) -> Iterator[Path]:
+    """The hidden name to write under; what is there becomes ``path`` if the block did not fail.
+
+    Raises
+    ------
+    OutputError
+        It cannot be written.
+    """
+    part = hidden_beside(path)
+    try:
+        yield part
+        put_in_place(part, path)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
+    finally:
+        part.unlink(missing_ok=True)
+
+
+@contextmanager
 def open_whole(path: Path) -> Iterator[IO[str]]:
     """A text file that is there after the block, and only if the block did not fail.
 
@@ -65,30 +84,17 @@ def open_whole(path: Path) -> Iterator[IO[str]]:
     OutputError
         It cannot be written.
     """
-    part = hidden_beside(path)
-    try:
-        with open(part, "w", encoding="utf-8", newline="") as file:
-            yield file
-        put_in_place(part, path)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
-    finally:
-        part.unlink(missing_ok=True)
+    with whole(path) as part, open(part, "w", encoding="utf-8", newline="") as file:
+        yield file
 
 
 def save_whole(path: Path, save: Callable[[Path], object]) -> None:
-    """A file that ``save`` writes under the name it is given; ``path`` if it did not fail.
+    """A file that ``save`` writes under the name it is given.
 
     Raises
     ------
     OutputError
         It cannot be written.
     """
-    part = hidden_beside(path)
-    try:
+    with whole(path) as part:
         save(part)
-        put_in_place(part, path)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
-    finally:
-        part.unlink(missing_ok=True)
