@@ -28,9 +28,10 @@ class JudgeSettings:
     cheaper_by: float = 10.0
     """Energy by which it must, where the overlaps are alike."""
     jump_cost: float = 10.0
-    """And energy besides that a palm costs which is found ``jump_deg`` or more from where it was
-    followed; in proportion below that. Palms do not jump, fingers nearly do."""
+    """And energy besides that a palm costs which is found elsewhere than it was followed: palms do
+    not jump, fingers nearly do."""
     jump_deg: float = 15.0
+    """Turn of the palm from which that is the whole cost; in proportion below."""
     facing_cost: float = 25.0
     """Energy by which a lost hand's unusual side must do better than its usual one."""
     less_seen: float = 0.8
