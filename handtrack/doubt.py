@@ -39,7 +39,9 @@ def is_due(
     turned = facing_of(track.estimate) != facing
     track.doubts += 1
     every = judge.turned_every if turned else judge.check_every
-    if unsure:  # a look in vain says that the next need not come so soon
+    if not unsure:
+        track.in_vain = 0  # the next doubt is a new one
+    else:  # a look in vain says that the next need not come so soon
         every = min(every, judge.doubt_every * 2**track.in_vain)
     if poor:
         every = judge.doubt_every

@@ -7,7 +7,7 @@ held out, real markers left out one at a time, and recorded gestures.
 import json
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -125,7 +125,9 @@ class BenchHandover:
         known = {n: c for n, c in leap.items() if c is not None}
         tests = [known[n] for n in LEAP_TEST if n in known]
         train = [c for n, c in known.items() if n not in LEAP_TEST]
-        return [*found, *([study("Leap gestures", train, tests)] if tests and train else [])]
+        if tests and train:  # the poses that ship are of these recordings
+            found.append(replace(study("Leap gestures", train, tests), borrows=False))
+        return found
 
     def _manipnet(self, side: str) -> dict[str, Clip]:
         folder, full = (self.recordings or Path()) / "manipnet", marker_set("full13")

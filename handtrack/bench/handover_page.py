@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from handtrack.bench.handover_splits import Row
-from handtrack.bench.handover_study import CLOSED, PAPER, Study, greedy_for
+from handtrack.bench.handover_study import PAPER, Study, greedy_for
 from handtrack.mocap import page
 from handtrack.mocap.handover import columns, in_root, reconstruct
 from handtrack.mocap.marker_sets import marker_set
@@ -64,9 +64,9 @@ def _over_time(s: Study) -> Any:
         X = columns(s.base, clip.markers.labels, ranking.top(n))
         Q, _ = in_root(s.base, clip.markers, ranking.top(n))
         curves[f"{n} markers"] = reconstruct(s.base, X, Q, PAPER).scores
-    best = greedy_for(s.base, CLOSED).top(6)
+    best = greedy_for(s.base, s.closed).top(6)
     X, (Q, _) = columns(s.base, clip.markers.labels, best), in_root(s.base, clip.markers, best)
-    curves["6 greedy, closed"] = fit(s.base.theta).scores(reconstruct(s.base, X, Q, CLOSED).theta)
+    curves["6 greedy, closed"] = fit(s.base.theta).scores(reconstruct(s.base, X, Q, s.closed).theta)
     return page.draw_components(np.arange(len(clip.theta)) / s.base.rate_hz, curves)
 
 

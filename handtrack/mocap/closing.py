@@ -81,6 +81,12 @@ class Forward:
     def __post_init__(self) -> None:
         freeze_arrays(self)
 
+    def places(self, theta: ArrayLike) -> Array:
+        """The markers ``(F, M, 3)`` of hands ``(F, 20)``, in mm."""
+        angles = np.asarray(theta, float).reshape(-1, DIGITS, BENDS)
+        each = [products(angles[:, d]) @ W for d, W in zip(self.digit, self.weights, strict=True)]
+        return np.stack(each, axis=1)
+
     def close(
         self,
         Q_mm: ArrayLike,

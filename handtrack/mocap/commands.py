@@ -100,6 +100,8 @@ class MarkersRank:
     """that is damped for this noise of a marker coordinate,"""
     close_mm: float = 0.0
     """and whose hand is then brought this near to its markers; 0 leaves it alone."""
+    borrow: int = 0
+    """So many poses of other hands, which ship, join the data base for it."""
     set: str = "full13"
     """The marker set that is attached to BVH files."""
     mapping: str = "auto"
@@ -125,7 +127,11 @@ class MarkersRank:
                 self.top,
                 self.mapping,
                 self.root,
-                Handover(Regression(0, self.ridge_mm, self.power), close_mm=self.close_mm),
+                Handover(
+                    Regression(0, self.ridge_mm, self.power),
+                    close_mm=self.close_mm,
+                    borrow=self.borrow,
+                ),
                 lambda text: _advance(bar, text),
             )
         picture = page.png(page.draw_ranking(ranking, chosen, ranking.top(self.top)))
@@ -175,6 +181,8 @@ class HandoverCommand:
     """Frames before and after that are regressed on too."""
     close_mm: float = 0.0
     """How near the hand is brought to its markers after the regression; 0 leaves it alone."""
+    borrow: int = 0
+    """So many poses of other hands, which ship, join the data base: fists that it lacks."""
     resample: bool = False
     """Bring the query to the frame rate of the data base."""
     up: Literal["y", "z"] = "y"
@@ -191,6 +199,7 @@ class HandoverCommand:
             self.taps,
             self.window,
             close_mm=self.close_mm,
+            borrow=self.borrow,
         )
         base = read_database(self.database, chosen, self.mapping, self.root or None)
         query = read_markers(self.query)

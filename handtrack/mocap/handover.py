@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from handtrack.errors import InputError
 from handtrack.mocap import closing, pca
+from handtrack.mocap.borrowed import enlarged
 from handtrack.mocap.database import SAME_RATE, Database
 from handtrack.mocap.markers import Markers
 from handtrack.mocap.regression import predict
@@ -82,7 +83,8 @@ def reconstruct(
     step = max(round(settings.window_step_s * base.rate_hz), 1)
     X = windowed(X_mm, base.starts, settings.window, step)
     Q = windowed(Q_mm, np.asarray(starts), settings.window, step)
-    got = predict(settings.regression, X, space.scores(base.theta)[:, :K], Q)
+    larger, angles = enlarged(X, base.theta, settings.borrow, X_mm.shape[1])
+    got = predict(settings.regression, larger, space.scores(angles)[:, :K], Q)
     bounds = [*starts, len(Q)]
     scores = np.concatenate(
         [cone(got.mean[a:b], base.rate_hz, settings.taps) for a, b in pairwise(bounds)]

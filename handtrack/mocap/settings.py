@@ -26,9 +26,13 @@ class Handover:
     """Time between the frames of the window."""
     close_mm: float = 0.0
     """How near the hand is brought to its markers after the regression; 0 leaves it alone."""
+    borrow: int = 0
+    """Poses of other hands that join the data base (:mod:`handtrack.mocap.borrowed`)."""
 
     def __post_init__(self) -> None:
         if self.components < 0 or self.taps < 0 or self.window < 0 or self.window_step_s <= 0:
             raise InputError("components, taps and window must not be negative")
+        if self.borrow < 0:
+            raise InputError(f"{self.borrow} poses cannot be borrowed: give 0 or more")
         if self.close_mm < 0:
             raise InputError(f"markers cannot be met to {self.close_mm:.4g} mm: give 0 or more")

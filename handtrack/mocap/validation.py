@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from handtrack.mocap import closing, pca
+from handtrack.mocap.borrowed import enlarged
 from handtrack.mocap.regression import predict
 from handtrack.mocap.settings import Handover
 from handtrack.records import freeze_arrays
@@ -69,12 +70,13 @@ def digit_variance(std: Array) -> Array:
 
 
 def regressed(
-    settings: Handover, X_mm: ArrayLike, theta: Array, Q_mm: ArrayLike
+    settings: Handover, X_mm: Array, theta: Array, Q_mm: ArrayLike, n_markers: int = 0
 ) -> tuple[Array, Array]:
     """Angles and deviations ``(F, 20)`` of queries, through the principal components."""
     space = pca.fit(theta)
     K = settings.components or len(space.variance)
-    got = predict(settings.regression, X_mm, space.scores(theta)[:, :K], Q_mm)
+    X, angles = enlarged(X_mm, theta, settings.borrow, n_markers)
+    got = predict(settings.regression, X, space.scores(angles)[:, :K], Q_mm)
     return space.back(got.mean), angle_std(space, got.std)
 
 
@@ -101,7 +103,9 @@ def held_out(
     mean, std = np.empty((2, *theta.shape))
     parts = [fold == group for group in np.unique(fold)]
     for held in parts:
-        mean[held], std[held] = regressed(settings, X_mm[~held], theta[~held], X_mm[held])
+        mean[held], std[held] = regressed(
+            settings, X_mm[~held], theta[~held], X_mm[held], n_markers
+        )
     off = (theta - mean).reshape(len(theta), 5, 4)
     spread = np.einsum("nda,ndb->dab", off, off) / len(off) + SURE_RAD**2 * np.eye(4)
     before = HeldOut(mean, std, spread, digit_variance(std).mean(axis=0))
