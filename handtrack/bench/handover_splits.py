@@ -12,28 +12,20 @@ from itertools import combinations
 import numpy as np
 
 from handtrack.bench.handover_study import (
-    BORROWED,
+    GRID,
     MANUAL6,
     PAPER,
     Study,
     greedy_for,
     score,
     study,
-    tuned,
 )
 from handtrack.mocap.database import Clip
 from handtrack.mocap.ranking import rank
 from handtrack.mocap.settings import Handover
 
 #: The tuned rows choose among these on every split; a window of frames only in the long studies.
-GRID = {
-    "neighbours": (0.0, 0.3),
-    "ridge_mm": (0.5, 1.0),
-    "power": (1.0, 3.0),
-    "window": (0.0,),
-    "close_mm": (0.0, 0.2),
-    "borrow": (0.0, 300.0),
-}
+SHORT_GRID = {**GRID, "window": (0,)}
 HELD_OUT = 2
 Set = tuple[str, tuple[str, ...], Handover]
 
@@ -78,9 +70,10 @@ def marker_sets(s: Study) -> list[Set]:
     """Name, markers and settings of every row on one split."""
     base = s.base
     six, three = (rank(base.labels, base.X_mm).top(n) for n in (6, 3))
-    plain, closed = greedy_for(base, PAPER), greedy_for(base, BORROWED)
+    plain, closed = greedy_for(base, PAPER), greedy_for(base, s.closed)
     best = {
-        name: tuned(base, name, 600, GRID) for name in (six, three, closed.top(6), closed.top(3))
+        markers: s.tuned(markers, SHORT_GRID)
+        for markers in (six, three, closed.top(6), closed.top(3))
     }
     return [
         ("all 13", base.labels, PAPER),
@@ -89,7 +82,7 @@ def marker_sets(s: Study) -> list[Set]:
         ("manual 6 (Hoyet)", MANUAL6, PAPER),
         ("greedy 6", plain.top(6), PAPER),
         ("greedy 3", plain.top(3), PAPER),
-        ("all 13, tuned", base.labels, BORROWED),
+        ("all 13, tuned", base.labels, s.closed),
         ("ranked 6, tuned", six, best[six]),
         ("ranked 3, tuned", three, best[three]),
         ("greedy 6, tuned", closed.top(6), best[closed.top(6)]),

@@ -36,12 +36,13 @@ GRID = {
     "ridge_mm": (0.5, 1.0),
     "power": (1.0, 3.0),
     "window": (0, 1),
-    "close_mm": (0.0, 0.2),
-    "borrow": (0, 300),
+    "rounds": (1, 2),
 }
 PAPER = Handover()
 CLOSED = Handover(Regression(ridge_mm=0.5, power=3.0), close_mm=0.2)
-BORROWED = replace(CLOSED, borrow=300)
+#: Where the tuned rows begin. How many poses to borrow is set, not chosen by cross-validation:
+#: among clips that all lack a pose that would not see what borrowing is for.
+TUNED = replace(CLOSED, borrow=300, rounds=2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,12 +59,12 @@ class Study:
 
     @property
     def closed(self) -> Handover:
-        """What the greedy ranking of the tuned rows is made for."""
-        return BORROWED if self.borrows else CLOSED
+        """The settings of the tuned rows before their regression is tuned."""
+        return TUNED if self.borrows else replace(TUNED, borrow=0)
 
-    def tuned(self, chosen: Sequence[str]) -> Handover:
-        """The settings of the grid with the least cross-validated error on the data base."""
-        return tuned(self.base, chosen, grid=GRID if self.borrows else {**GRID, "borrow": (0,)})
+    def tuned(self, chosen: Sequence[str], grid: Mapping[str, Sequence[float]] = GRID) -> Handover:
+        """The settings of a grid with the least cross-validated error on the data base."""
+        return tuned(self.base, chosen, self.closed, grid)
 
 
 def study(name: str, train: Sequence[Clip], tests: Sequence[Clip], stride: int = 1) -> Study:
@@ -151,23 +152,24 @@ def cluster_pose_six(base: Database, rng: np.random.Generator, size: int = 6) ->
 def tuned(
     base: Database,
     chosen: Sequence[str],
-    frames: int = 600,
+    settings: Handover,
     grid: Mapping[str, Sequence[float]] = GRID,
+    frames: int = 600,
 ) -> Handover:
-    """The settings of a grid with the least cross-validated error on the data base."""
+    """The settings with the regression and window of a grid that errs least on held-out clips."""
     rows = np.linspace(0, len(base.theta) - 1, min(frames, len(base.theta))).round().astype(int)
     X = columns(base, base.labels, chosen)
     step = max(round(PAPER.window_step_s * base.rate_hz), 1)
-    best, least = PAPER, np.inf
-    for share, ridge, power, window, close_mm, borrow in product(*grid.values()):
+    best, least = settings, np.inf
+    for share, ridge, power, window, rounds in product(*grid.values()):
         regression = Regression(int(share * len(rows)), ridge, power)
-        settings = Handover(regression, window=int(window), close_mm=close_mm, borrow=int(borrow))
+        trial = replace(settings, regression=regression, window=int(window), rounds=int(rounds))
         local = windowed(X, base.starts, int(window), step)[rows]
         truth = base.theta[rows]
-        error = held_out(settings, local, truth, base.folds()[rows], len(chosen)).error(truth)
+        error = held_out(trial, local, truth, base.folds()[rows], len(chosen)).error(truth)
         if error < least:
             whole = replace(regression, neighbours=int(share * len(base.theta)))
-            best, least = replace(settings, regression=whole), error
+            best, least = replace(trial, regression=whole), error
     return best
 
 
@@ -198,7 +200,8 @@ def marker_sets(
 
 
 def greedy_for(base: Database, settings: Handover, frames: int = 400) -> Ranking:
-    """The six markers that a greedy ranking picks for these settings."""
+    """The six markers that a greedy ranking picks for these settings, with one round of them."""
+    settings = replace(settings, rounds=1)
     return greedy(base.labels, base.X_mm, base.theta, 6, settings, base.folds(), frames)
 
 

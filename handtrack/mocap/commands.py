@@ -102,6 +102,8 @@ class MarkersRank:
     """and whose hand is then brought this near to its markers; 0 leaves it alone."""
     borrow: int = 0
     """So many poses of other hands, which ship, join the data base for it."""
+    rounds: int = 1
+    """Regressions; from the second on, on the angles of the hand that was closed on its markers."""
     set: str = "full13"
     """The marker set that is attached to BVH files."""
     mapping: str = "auto"
@@ -131,6 +133,7 @@ class MarkersRank:
                     Regression(0, self.ridge_mm, self.power),
                     close_mm=self.close_mm,
                     borrow=self.borrow,
+                    rounds=self.rounds,
                 ),
                 lambda text: _advance(bar, text),
             )
@@ -183,6 +186,8 @@ class HandoverCommand:
     """How near the hand is brought to its markers after the regression; 0 leaves it alone."""
     borrow: int = 0
     """So many poses of other hands, which ship, join the data base: fists that it lacks."""
+    rounds: int = 1
+    """Regressions; from the second on, on the angles of the hand that was closed on its markers."""
     resample: bool = False
     """Bring the query to the frame rate of the data base."""
     up: Literal["y", "z"] = "y"
@@ -200,6 +205,7 @@ class HandoverCommand:
             self.window,
             close_mm=self.close_mm,
             borrow=self.borrow,
+            rounds=self.rounds,
         )
         base = read_database(self.database, chosen, self.mapping, self.root or None)
         query = read_markers(self.query)

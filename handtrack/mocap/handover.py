@@ -122,13 +122,11 @@ def _finished(
     now = int(pattern[: X_mm.shape[1] // (1 + 2 * settings.window)].sum())
     truth = base.theta[rows]
     if now == 0:  # only neighbours in time are seen: nothing to close on
-        settings = replace(settings, close_mm=0.0)
+        settings = replace(settings, close_mm=0.0, rounds=1)
     held = held_out(settings, X_mm[rows][:, pattern], truth, fold, now)
     if settings.close_mm > 0:
         forward = closing.fit(X_mm[whole][:, pattern][:, :now], base.theta[whole])
-        got = forward.close(
-            Q_mm[:, pattern][:, :now], theta, held.spread, settings.close_mm, held.scale(std)
-        )
+        got = held.closed(settings, forward, Q_mm[:, pattern][:, :now], theta, std)
         theta, std = got.theta, got.std
     return theta, std * held.factor(truth)
 

@@ -29,6 +29,9 @@ class Handover:
     borrow: int = 0
     """Poses of other hands that join the data base (:mod:`handtrack.mocap.borrowed`)."""
 
+    rounds: int = 1
+    """Regressions: on the markers, then on the angles of the hand that was closed on them."""
+
     def __post_init__(self) -> None:
         if self.components < 0 or self.taps < 0 or self.window < 0 or self.window_step_s <= 0:
             raise InputError("components, taps and window must not be negative")
@@ -36,3 +39,8 @@ class Handover:
             raise InputError(f"{self.borrow} poses cannot be borrowed: give 0 or more")
         if self.close_mm < 0:
             raise InputError(f"markers cannot be met to {self.close_mm:.4g} mm: give 0 or more")
+        if self.rounds < 1 or (self.rounds > 1 and self.close_mm == 0):
+            raise InputError(
+                f"{self.rounds} rounds: one or more; the second regresses on the closed hand, so "
+                "say how near it is to be closed on its markers (--close-mm)"
+            )

@@ -69,7 +69,7 @@ def test_a_fist_that_the_data_base_lacks_is_nearer(open_hands):
     Q = keypoints_mm(fists, HandShape.default().scaled(0.9))[:, TIPS]
     nearest = Regression(ridge_mm=0.5, power=3.0)
     off = [
-        np.abs(regressed(Handover(nearest, borrow=n), X, theta, Q)[0] - fists).mean()
+        np.abs(regressed(Handover(nearest), *enlarged(X, theta, n), Q)[0] - fists).mean()
         for n in (0, 200)
     ]
     assert off[1] < 0.7 * off[0]

@@ -1,8 +1,11 @@
 """The hand closes on its markers: what they fix is met, what they leave open stays."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from handtrack.errors import InputError
 from handtrack.hand.kinematics import keypoints_mm
 from handtrack.hand.shape import HandShape
 from handtrack.hand.skeleton import LIMITS
@@ -76,3 +79,32 @@ def test_held_out_intervals_hold_and_closing_lowers_the_error(theta):
     for held in (plain, closed):
         inside = np.abs(held.theta - theta[:600]) <= NINETY * held.factor(theta[:600]) * held.std
         np.testing.assert_allclose(inside.mean(axis=0), 0.9, atol=0.005)
+
+
+def test_a_second_round_knows_how_joints_go_together(theta):
+    """A ring finger that does what the middle one does: linear in angles, not in millimetres."""
+    habit = theta[:600].copy()
+    habit[:, 12:16] = habit[:, 8:12]
+    X, fold = keypoints(habit, [10, 11, 12]), np.arange(600) // 150
+    once = Handover(Regression(ridge_mm=0.5), close_mm=0.1)
+    ring = [
+        np.abs(held_out(replace(once, rounds=rounds), X, habit, fold).theta - habit)[:, 12:16]
+        for rounds in (1, 2)
+    ]
+    assert ring[1].mean() < 0.5 * ring[0].mean()
+
+
+def test_intervals_hold_after_two_rounds(theta):
+    X, fold = keypoints(theta, TIPS)[:600], np.arange(600) // 150
+    settings = Handover(Regression(ridge_mm=0.5), close_mm=0.1, borrow=50, rounds=2)
+    held = held_out(settings, X, theta[:600], fold)
+    assert held.theta.shape == held.std.shape == (600, 20)
+    assert held.angles.shape == (650, 20)
+    inside = np.abs(held.theta - theta[:600]) <= NINETY * held.factor(theta[:600]) * held.std
+    np.testing.assert_allclose(inside.mean(axis=0), 0.9, atol=0.005)
+
+
+@pytest.mark.parametrize(("rounds", "close_mm"), [(0, 0.2), (2, 0.0)])
+def test_rounds_that_make_no_sense_are_refused(rounds, close_mm):
+    with pytest.raises(InputError, match=f"{rounds} rounds"):
+        Handover(rounds=rounds, close_mm=close_mm)
