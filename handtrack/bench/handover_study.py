@@ -40,9 +40,11 @@ GRID = {
 }
 PAPER = Handover()
 CLOSED = Handover(Regression(ridge_mm=0.5, power=3.0), close_mm=0.2)
-#: Where the tuned rows begin. How many poses to borrow is set, not chosen by cross-validation:
-#: among clips that all lack a pose that would not see what borrowing is for.
+#: Where the tuned rows begin.
 TUNED = replace(CLOSED, borrow=300, rounds=2)
+#: Not borrowing must err less by this factor: among clips that all lack a pose, cross-validation
+#: does not see what borrowing is for.
+UNSEEN = 0.95
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,21 +158,32 @@ def tuned(
     grid: Mapping[str, Sequence[float]] = GRID,
     frames: int = 600,
 ) -> Handover:
-    """The settings with the regression and window of a grid that errs least on held-out clips."""
+    """The settings that err least on held-out clips: of a grid, then with nothing borrowed."""
     rows = np.linspace(0, len(base.theta) - 1, min(frames, len(base.theta))).round().astype(int)
     X = columns(base, base.labels, chosen)
     step = max(round(PAPER.window_step_s * base.rate_hz), 1)
-    best, least = settings, np.inf
-    for share, ridge, power, window, rounds in product(*grid.values()):
-        regression = Regression(int(share * len(rows)), ridge, power)
-        trial = replace(settings, regression=regression, window=int(window), rounds=int(rounds))
-        local = windowed(X, base.starts, int(window), step)[rows]
-        truth = base.theta[rows]
-        error = held_out(trial, local, truth, base.folds()[rows], len(chosen)).error(truth)
-        if error < least:
-            whole = replace(regression, neighbours=int(share * len(base.theta)))
-            best, least = replace(trial, regression=whole), error
-    return best
+    truth, folds = base.theta[rows], base.folds()[rows]
+
+    def error(trial: Handover) -> float:
+        local = windowed(X, base.starts, trial.window, step)[rows]
+        return held_out(trial, local, truth, folds, len(chosen)).error(truth)
+
+    trials = [
+        replace(
+            settings,
+            regression=Regression(int(share * len(rows)), ridge, power),
+            window=int(window),
+            rounds=int(rounds),
+        )
+        for share, ridge, power, window, rounds in product(*grid.values())
+    ]
+    errors = [error(trial) for trial in trials]
+    best = trials[int(np.argmin(errors))]
+    if error(alone := replace(best, borrow=0)) < UNSEEN * min(errors):
+        best = alone
+    share = best.regression.neighbours / len(rows)
+    whole = replace(best.regression, neighbours=int(share * len(base.theta)))
+    return replace(best, regression=whole)
 
 
 def marker_sets(
