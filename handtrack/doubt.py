@@ -35,14 +35,15 @@ def is_due(
 ) -> bool:
     """Whether to look anew in this frame; ``facing`` is the side that is usually shown."""
     poor = agreement < judge.doubted_overlap or track.votes or track.side_looks
-    unsure = track.young or track.strains(estimate, judge.strained)
+    strains = track.strains(estimate, judge.strained)
     turned = facing_of(track.estimate) != facing
     track.doubts += 1
     every = judge.turned_every if turned else judge.check_every
-    if not unsure:
+    if strains or track.young:  # a look in vain says that the next need not come so soon
+        soon = judge.doubt_every if strains else judge.young_every
+        every = min(every, soon * 2**track.in_vain)
+    else:
         track.in_vain = 0  # the next doubt is a new one
-    else:  # a look in vain says that the next need not come so soon
-        every = min(every, judge.doubt_every * 2**track.in_vain)
     if poor:
         every = judge.doubt_every
     if track.doubts < every:

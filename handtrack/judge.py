@@ -19,10 +19,12 @@ class JudgeSettings:
     """Overlap of the silhouettes, without the forearm, from which a frame is tracked."""
     doubted_overlap: float = 0.91
     """Below this the hand is looked for anew now and then, in case it is otherwise."""
-    strained: float = 1.4
+    strained: float = 1.25
     """And so where the energy is this many times what it was of late."""
     doubt_every: int = 6
     """Frames between two such looks."""
+    young_every: int = 12
+    """And between those at a hand that is not trusted yet, though it fits."""
     better_by: float = 0.02
     """Overlap by which what is found anew must beat what was followed."""
     cheaper_by: float = 10.0
@@ -50,7 +52,7 @@ class JudgeSettings:
     """Frames between such looks."""
     turned_every: int = 10
     """Frames between two looks while the hand shows its unusual side."""
-    check_every: int = 30
+    check_every: int = 60
     """Frames between two looks while all seems well: silhouettes can agree for a wrong hand."""
     lost_overlap: float = 0.35
     """Below this the hand is not where the model is."""

@@ -29,6 +29,7 @@ from handtrack.layers import Cloud, Workings
 from handtrack.palm.orthographic import other_tilt
 from handtrack.parallel import both
 from handtrack.records import Pose
+from handtrack.refine.digits import digit_lines, off_line_precision
 from handtrack.refine.facing import Facing
 from handtrack.refine.matches import contour_pairs
 from handtrack.refine.pitch import pitched
@@ -105,7 +106,7 @@ class RefinedMethod:
         self.workings: Workings | None = None  # of the last search, open to view
         self.refiner = Refiner(self.hand, settings.energy)
         self.lines = digit_lines(space)
-        self.precision = off_line_precision(space, self.lines, settings)
+        self.precision = off_line_precision(space, self.lines, settings.widen, settings.floor_deg)
         self.facing = Facing(settings.facing_frames)
 
     def prior(self, predicted: Estimate, loose: float = 1.0) -> Prior:
@@ -275,29 +276,3 @@ def effective_samples(energies: Array) -> float:
     w = np.exp(-0.5 * (energies - energies.min(axis=1, keepdims=True)))
     w /= w.sum(axis=1, keepdims=True)
     return float(np.mean(1.0 / np.sum(w**2, axis=1)))
-
-
-def off_line_precision(space: ConfigurationSpace, lines: Array, settings: RefinedSettings) -> Array:
-    """Precision ``(5, 4, 4)`` of a digit's deviation from its line.
-
-    The covariance of the space without its part along the line, widened, and a floor: between the
-    two states a digit is free, off the line it is as likely as it was in the recordings.
-    """
-    u = lines[:, 1] - lines[:, 0]
-    u = u / np.linalg.norm(u, axis=1, keepdims=True)
-    off = np.eye(4) - u[:, :, None] * u[:, None, :]
-    blocks = np.stack([space.covariance[4 * d : 4 * d + 4, 4 * d : 4 * d + 4] for d in range(5)])
-    covariance = settings.widen * off @ blocks @ off
-    return np.asarray(np.linalg.inv(covariance + np.radians(settings.floor_deg) ** 2 * np.eye(4)))
-
-
-def digit_lines(space: ConfigurationSpace) -> Array:
-    """Extended and curled state of each digit ``(5, 2, 4)``, means over the basis states."""
-    theta = space.to_angles(space.basis_X).reshape(-1, 5, 4)
-    curled = space.basis_curled
-    return np.array(
-        [
-            [theta[~curled[:, d], d].mean(axis=0), theta[curled[:, d], d].mean(axis=0)]
-            for d in range(5)
-        ]
-    )

@@ -29,7 +29,7 @@ def test_a_sweep_finds_a_finger_that_refinement_does_not(
 ) -> None:
     pose, theta = truth
     wrong = theta.copy()
-    wrong[4:8] = np.radians([85.0, 0.0, 100.0, 60.0])  # the index is thought to be a fist's
+    wrong[8:12] = np.radians([85.0, 0.0, 100.0, 60.0])  # the middle one is thought to be a fist's
     prior = method.prior(Estimate(pose, wrong, np.full(20, 0.1)), loose=4.0)
     stuck = method.refiner(view, pose, wrong, prior, 20)
     swept, energies = sweep(
@@ -38,7 +38,7 @@ def test_a_sweep_finds_a_finger_that_refinement_does_not(
     )  # fmt: skip
     after = method.refiner(view, pose, swept, prior, 20)
     assert after.energy < stuck.energy
-    assert np.degrees(np.abs(after.theta[4:8] - theta[4:8])).mean() < 15
+    assert np.degrees(np.abs(after.theta[8:12] - theta[8:12])).mean() < 15
     assert energies.shape == (5, SweepSettings().samples)
 
 
