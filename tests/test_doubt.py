@@ -44,8 +44,9 @@ def frames_to_look(followed: SimpleNamespace, agreement: float = 0.97) -> int:
     [
         ({}, 0.97, JUDGE.check_every),
         ({"strained": True}, 0.97, JUDGE.doubt_every),
-        ({"young": 3}, 0.97, JUDGE.doubt_every),
-        ({"young": 3, "in_vain": 1}, 0.97, 2 * JUDGE.doubt_every),
+        ({"strained": True, "in_vain": 1}, 0.97, 2 * JUDGE.doubt_every),
+        ({"young": 3}, 0.97, JUDGE.young_every),
+        ({"young": 3, "in_vain": 1}, 0.97, 2 * JUDGE.young_every),
         ({"strained": True, "in_vain": 9}, 0.97, JUDGE.check_every),
         ({"in_vain": 9}, JUDGE.doubted_overlap - 0.01, JUDGE.doubt_every),
         ({"votes": 1, "in_vain": 9}, 0.97, JUDGE.doubt_every),
@@ -53,6 +54,13 @@ def frames_to_look(followed: SimpleNamespace, agreement: float = 0.97) -> int:
 )
 def test_a_look_in_vain_is_not_repeated_soon_unless_the_fit_is_poor(state, agreement, frames):
     assert frames_to_look(track(**state), agreement) == frames
+
+
+def test_looks_in_vain_while_all_is_well_do_not_put_off_the_first_doubt():
+    followed = track(in_vain=4)
+    assert not doubt.is_due(followed, hand(), 0.97, JUDGE, "palm")
+    followed.strains = lambda estimate, factor: True
+    assert frames_to_look(followed) == JUDGE.doubt_every - 1  # of which one has passed
 
 
 @pytest.mark.parametrize(
