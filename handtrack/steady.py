@@ -135,7 +135,7 @@ def averaged(
     """``here`` with the weighted mean motion of ``rows``; ``weight`` ``(n,)`` sums to 1."""
     theta = weight @ np.array([row.theta for row in rows])
     t_mm = weight @ np.array([row.t_mm for row in rows])
-    q = np.array([rotation.to_quaternion(row.R) for row in rows])
+    q = rotation.to_quaternion(np.array([row.R for row in rows]))
     q *= np.where(q @ q[0] < 0, -1.0, 1.0)[:, None]
     mean = weight @ q
     R = rotation.from_quaternion(mean / np.linalg.norm(mean))

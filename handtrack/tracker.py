@@ -263,8 +263,8 @@ def model_mask(method: RefinedMethod, estimate: Estimate, camera: Camera) -> NDA
         0
     ]
     mask = np.zeros((camera.height_px, camera.width_px), np.uint8)
-    for a, b in method.hand.capsule_node:
-        ends = circles[[a, b], :2].round().astype(int)
-        width = max(1, round(float(circles[a, 2] + circles[b, 2])))
-        cv2.line(mask, ends[0].tolist(), ends[1].tolist(), 1, min(width, 255))
+    ends = circles[:, :2].round().astype(int).tolist()
+    for a, b in method.hand.capsule_node.tolist():
+        width = max(1, round(circles[a, 2] + circles[b, 2]))
+        cv2.line(mask, ends[a], ends[b], 1, min(width, 255))
     return np.asarray(mask > 0)

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.camera import Window
+from handtrack.evidence.colour import largest_channel
 
 Pixels = NDArray[np.uint8]
 Float = NDArray[np.float32]
@@ -115,7 +116,7 @@ class Background:
             return
         self._fit_to(small, frame_rgb.shape[1])
         wide = np.asarray(cv2.resize(backdrop, small.shape[1::-1]), np.float32)
-        distance = np.abs(small - wide).max(axis=-1)
+        distance = largest_channel(np.abs(small - wide))
         covered = self._resized(hand) > 0
         agrees = distance < 4 * sigma
         if not covered.any() or np.median(distance[covered]) < 5 * sigma:
@@ -130,7 +131,8 @@ class Background:
         """RGB mean and standard deviation ``(h, w, 4)``, the latter 1e6 where not known."""
         if self._seen is None:
             sigma = np.where(self.known, np.sqrt(self.variance) + 2.0, 1e6)
-            self._seen = np.dstack([self.mean, sigma.astype(np.float32)])
+            merged = cv2.merge([self.mean, sigma.astype(np.float32)])
+            self._seen = np.asarray(merged, np.float32)
         s = self.scale
         A = np.array(
             [

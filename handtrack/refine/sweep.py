@@ -28,7 +28,7 @@ EXPLAINED_PX = 0.5
 class SweepSettings:
     """How many samples a digit gets, and where they are drawn."""
 
-    samples: int = 60
+    samples: int = 30
     """Samples for each digit."""
     near_share: float = 0.35
     """Share drawn around the current angles."""
