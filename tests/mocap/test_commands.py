@@ -195,6 +195,18 @@ def test_greedy_ranking_and_closing_from_the_shell(stage, tmp_path, capsys):
     assert off[0.2] < 0.8 * off[0]
 
 
+def test_borrowing_and_a_second_round_from_the_shell(stage, capsys):
+    folder, theta = stage
+    more = ["--markers", SIX, "--power", "3", "--close-mm", "0.2", "--borrow", "50"]
+    assert handover(stage, folder / "q.c3d", *more, "--rounds", "2", out="two") == 0
+    found = read_angles(folder / "two" / "angles.csv")[1]
+    assert np.abs(found - np.degrees(theta)).mean() < 3
+    said = json.loads((folder / "two" / "run.json").read_text())["settings"]
+    assert (said["borrow"], said["rounds"]) == (50, 2)
+    code = handover(stage, folder / "q.c3d", "--rounds", "2", out="no")
+    refused(capsys, folder / "no", code, "2 rounds", "--close-mm")
+
+
 def test_metres_taken_for_mm(stage, tmp_path, capsys):
     m = read_markers(stage[0] / "q.c3d")
     write_markers(Markers(m.labels, m.positions_mm / 1000, m.rate_hz), tmp_path / "q.c3d")
