@@ -15,8 +15,6 @@ own is near.
 ((230, 2, 3), True)
 """
 
-from functools import cache
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -39,15 +37,10 @@ def enlarged(X_mm: Array, theta: Array, poses: int, n_markers: int = 0) -> tuple
     """
     if poses == 0:
         return X_mm, theta
-    known = _known_poses()
+    known = shipped_motion().theta
     chosen = known[np.linspace(0, len(known) - 1, min(poses, len(known))).round().astype(int)]
     now = X_mm[:, : n_markers or None]
     whole = np.isfinite(now).all(axis=(1, 2))
     places = closing.fit(now[whole], theta[whole]).places(chosen)
     windows = X_mm.shape[1] // now.shape[1]
     return np.concatenate([X_mm, np.tile(places, (1, windows, 1))]), np.concatenate([theta, chosen])
-
-
-@cache
-def _known_poses() -> Array:
-    return shipped_motion().theta

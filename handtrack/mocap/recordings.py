@@ -23,6 +23,7 @@ outside the limits, and the bones of each digit stay near one plane.
 import json
 from collections import defaultdict
 from dataclasses import dataclass
+from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -270,6 +271,7 @@ def resampled(recording: Recording, times_s: ArrayLike) -> Array:
     return np.stack([np.interp(times, time_s, column) for column in theta.T], axis=1)
 
 
+@cache
 def shipped_motion() -> Recording:
     """Varied recorded motion at 30 Hz that comes with the package, one piece after another.
 
