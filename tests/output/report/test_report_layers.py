@@ -18,6 +18,7 @@ from handtrack.layers import Cloud, FrameLayers, Seen, Workings, layers_of, seen
 from handtrack.paper import PaperMethod
 from handtrack.records import Frame, FrameResult, Pose, Status
 from handtrack.refine.matches import contour_pairs
+from handtrack.refine.sweep import SweepSettings
 from handtrack.refine.view import View
 from handtrack.refined import RefinedMethod, RefinedSettings
 from handtrack.report import result_of
@@ -120,7 +121,9 @@ def test_matches_end_on_the_nearest_outline_that_faces_them():
 def test_a_sweep_is_shown_as_what_it_was():
     seen, result, _ = seen_on("right")
     cloud, layers = seen.workings.cloud, layers_of(seen, result, CAMERA)
-    assert (layers.cloud_kind, layers.cloud_size, len(layers.cloud_X)) == ("samples", 300, 200)
+    n = 5 * SweepSettings().samples
+    shown = min(n, 200)
+    assert (layers.cloud_kind, layers.cloud_size, len(layers.cloud_X)) == ("samples", n, shown)
     for digit in range(5):
         own = cloud.digit == digit
         assert cloud.weight[own].max() == 1.0
