@@ -64,9 +64,11 @@ def _over_time(s: Study) -> Any:
         X = columns(s.base, clip.markers.labels, ranking.top(n))
         Q, _ = in_root(s.base, clip.markers, ranking.top(n))
         curves[f"{n} markers"] = reconstruct(s.base, X, Q, PAPER).scores
-    best = greedy_for(s.base, s.closed).top(6)
+    best = greedy_for(s.base, s.settings).top(6)
     X, (Q, _) = columns(s.base, clip.markers.labels, best), in_root(s.base, clip.markers, best)
-    curves["6 greedy, closed"] = fit(s.base.theta).scores(reconstruct(s.base, X, Q, s.closed).theta)
+    curves["6 greedy, closed"] = fit(s.base.theta).scores(
+        reconstruct(s.base, X, Q, s.settings).theta
+    )
     return page.draw_components(np.arange(len(clip.theta)) / s.base.rate_hz, curves)
 
 

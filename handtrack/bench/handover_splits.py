@@ -19,6 +19,7 @@ from handtrack.bench.handover_study import (
     greedy_for,
     score,
     study,
+    tuned,
 )
 from handtrack.mocap.database import Clip
 from handtrack.mocap.ranking import rank
@@ -70,9 +71,9 @@ def marker_sets(s: Study) -> list[Set]:
     """Name, markers and settings of every row on one split."""
     base = s.base
     six, three = (rank(base.labels, base.X_mm).top(n) for n in (6, 3))
-    plain, closed = greedy_for(base, PAPER), greedy_for(base, s.closed)
+    plain, closed = greedy_for(base, PAPER), greedy_for(base, s.settings)
     best = {
-        markers: s.tuned(markers, SHORT_GRID)
+        markers: tuned(s, markers, SHORT_GRID)
         for markers in (six, three, closed.top(6), closed.top(3))
     }
     return [
@@ -82,7 +83,7 @@ def marker_sets(s: Study) -> list[Set]:
         ("manual 6 (Hoyet)", MANUAL6, PAPER),
         ("greedy 6", plain.top(6), PAPER),
         ("greedy 3", plain.top(3), PAPER),
-        ("all 13, tuned", base.labels, s.closed),
+        ("all 13, tuned", base.labels, s.settings),
         ("ranked 6, tuned", six, best[six]),
         ("ranked 3, tuned", three, best[three]),
         ("greedy 6, tuned", closed.top(6), best[closed.top(6)]),

@@ -60,13 +60,9 @@ class Study:
     borrows: bool = True
 
     @property
-    def closed(self) -> Handover:
-        """The settings of the tuned rows before their regression is tuned."""
+    def settings(self) -> Handover:
+        """Of the tuned rows, before their regression is tuned."""
         return TUNED if self.borrows else replace(TUNED, borrow=0)
-
-    def tuned(self, chosen: Sequence[str], grid: Mapping[str, Sequence[float]] = GRID) -> Handover:
-        """The settings of a grid with the least cross-validated error on the data base."""
-        return tuned(self.base, chosen, self.closed, grid)
 
 
 def study(name: str, train: Sequence[Clip], tests: Sequence[Clip], stride: int = 1) -> Study:
@@ -152,13 +148,13 @@ def cluster_pose_six(base: Database, rng: np.random.Generator, size: int = 6) ->
 
 
 def tuned(
-    base: Database,
+    s: Study,
     chosen: Sequence[str],
-    settings: Handover,
     grid: Mapping[str, Sequence[float]] = GRID,
     frames: int = 600,
 ) -> Handover:
     """The settings that err least on held-out clips: of a grid, then with nothing borrowed."""
+    base = s.base
     rows = np.linspace(0, len(base.theta) - 1, min(frames, len(base.theta))).round().astype(int)
     X = columns(base, base.labels, chosen)
     step = max(round(PAPER.window_step_s * base.rate_hz), 1)
@@ -170,7 +166,7 @@ def tuned(
 
     trials = [
         replace(
-            settings,
+            s.settings,
             regression=Regression(int(share * len(rows)), ridge, power),
             window=int(window),
             rounds=int(rounds),
@@ -203,13 +199,13 @@ def marker_sets(
     steps = greedy_for(base, PAPER)
     yield "greedy 6", steps.top(6), PAPER
     yield "greedy 3", steps.top(3), PAPER
-    yield "all 13, tuned", base.labels, s.closed
-    yield "ranked 6, tuned", ranking.top(6), s.tuned(ranking.top(6))
-    yield "ranked 3, tuned", ranking.top(3), s.tuned(ranking.top(3))
-    yield "manual 6, tuned", MANUAL6, s.tuned(MANUAL6)
-    steps = greedy_for(base, s.closed)
-    yield "greedy 6, tuned", steps.top(6), s.tuned(steps.top(6))
-    yield "greedy 3, tuned", steps.top(3), s.tuned(steps.top(3))
+    yield "all 13, tuned", base.labels, s.settings
+    yield "ranked 6, tuned", ranking.top(6), tuned(s, ranking.top(6))
+    yield "ranked 3, tuned", ranking.top(3), tuned(s, ranking.top(3))
+    yield "manual 6, tuned", MANUAL6, tuned(s, MANUAL6)
+    steps = greedy_for(base, s.settings)
+    yield "greedy 6, tuned", steps.top(6), tuned(s, steps.top(6))
+    yield "greedy 3, tuned", steps.top(3), tuned(s, steps.top(3))
 
 
 def greedy_for(base: Database, settings: Handover, frames: int = 400) -> Ranking:

@@ -190,7 +190,7 @@ class Background:
         use = self.known[::4, ::4] & (covered[::4, ::4] == 0)
         if use.sum() < 50:
             return False
-        d = np.abs(small[::4, ::4][use] - self.mean[::4, ::4][use]).max(axis=-1)
+        d = largest_channel(np.abs(small[::4, ::4][use] - self.mean[::4, ::4][use]))
         return bool(np.mean(d > 12 + 3 * np.sqrt(self.variance[::4, ::4][use])) > MOVED_SHARE)
 
 

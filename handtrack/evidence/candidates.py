@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.evidence.background import Background, shrink, smooth_backdrop
-from handtrack.evidence.colour import ColourModel, to_ycc
+from handtrack.evidence.colour import ColourModel, largest_channel, to_ycc
 from handtrack.records import freeze_arrays
 
 Pixels = NDArray[np.uint8]
@@ -273,7 +273,7 @@ def _gradient(rgb: Pixels) -> Float:
     """Gradient magnitude ``(h, w)``, largest within a pixel, over that of a clear edge."""
     picture = rgb.astype(np.float32)
     gx, gy = cv2.Sobel(picture, -1, 1, 0, scale=0.125), cv2.Sobel(picture, -1, 0, 1, scale=0.125)
-    g = np.sqrt(gx**2 + gy**2).max(axis=-1)
+    g = largest_channel(np.sqrt(gx**2 + gy**2))
     return np.asarray(np.clip(cv2.dilate(g, np.ones((3, 3), np.uint8)) / 10.0, 0, 1), np.float32)
 
 

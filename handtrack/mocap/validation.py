@@ -145,17 +145,18 @@ def held_out(
     own = slice(len(theta))
     X, angles = enlarged(X_mm, theta, settings.borrow, n_markers)
     part = np.concatenate([fold, -1 - np.arange(len(X) - len(theta)) % BORROWED_PARTS])
-    mean, std = _each_from_the_others(partial(regressed, settings), X, angles, part)
+    wanted = part if settings.rounds > 1 else fold  # a second round learns from borrowed poses too
+    mean, std = _each_from_the_others(partial(regressed, settings), X, angles, part, wanted)
     rounds = [Round.of(X, (angles - mean)[own], std[own])]
     if settings.close_mm == 0:
         return HeldOut(mean[own], std[own], angles, tuple(rounds))
     now = X[:, : n_markers or None]
-    got = _closed_apart(settings, rounds[0], now, mean, std, angles, part)
+    got = _closed_apart(settings, rounds[0], now, mean, std, angles, part, wanted)
     for _ in range(settings.rounds - 1):
         known = _features(got.theta)
-        mean, std = _each_from_the_others(partial(_again, settings), known, angles, part)
+        mean, std = _each_from_the_others(partial(_again, settings), known, angles, part, wanted)
         rounds.append(Round.of(known, (angles - mean)[own], std[own]))
-        got = _closed_apart(settings, rounds[-1], now, mean, std, angles, part)
+        got = _closed_apart(settings, rounds[-1], now, mean, std, angles, part, wanted)
     return HeldOut(got.theta[own], got.std[own], angles, tuple(rounds))
 
 
@@ -167,12 +168,17 @@ def _closed_apart(
     std: Array,
     angles: Array,
     part: NDArray[np.int64],
+    wanted: NDArray[np.int64],
 ) -> Closed:
-    """Every part ``(N,)`` closed on its markers, whose places are learnt from the other parts."""
-    theta, deviation = np.empty((2, *mean.shape))
-    for group in np.unique(part):
-        held = part == group
-        others = ~held & (part >= 0)  # a borrowed pose has its markers where they were put
+    """The ``wanted`` parts closed on their markers, whose places are learnt from the other parts.
+
+    Borrowed poses are closed together: they have their markers where the data base puts them.
+    """
+    theta, deviation = np.full((2, *mean.shape), np.nan)
+    clip = np.maximum(part, -1)
+    for group in np.unique(np.maximum(wanted, -1)):
+        held = clip == group
+        others = ~held & (part >= 0)
         forward = closing.fit(now[others], angles[others])
         got = regression.close(forward, now[held], mean[held], std[held], settings.close_mm)
         theta[held], deviation[held] = got.theta, got.std
@@ -184,10 +190,11 @@ def _each_from_the_others(
     known: Array,
     angles: Array,
     part: NDArray[np.int64],
+    wanted: NDArray[np.int64],
 ) -> tuple[Array, Array]:
-    """Means and deviations ``(N, 20)``, every part from all the others."""
-    mean, std = np.empty((2, *angles.shape))
-    for group in np.unique(part):
+    """Means and deviations ``(N, 20)``, every ``wanted`` part from all others; NaN elsewhere."""
+    mean, std = np.full((2, *angles.shape), np.nan)
+    for group in np.unique(wanted):
         held = part == group
         mean[held], std[held] = regress(known[~held], angles[~held], known[held])
     return mean, std

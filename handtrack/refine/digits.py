@@ -24,7 +24,7 @@ FEWEST = 10
 
 def digit_lines(space: ConfigurationSpace) -> Array:
     """Where the line of each digit begins and ends ``(5, 2, 4)``, in radians."""
-    lines = np.stack([space.extended, space.curled]).reshape(2, 5, 4).copy()
+    lines = np.stack([space.extended, space.curled]).reshape(2, 5, 4)
     recorded = shipped_motion().theta
     curl = curls(recorded, space.extended, space.curled)
     for end, near in enumerate((curl < NEAR_EXTENDED, curl > NEAR_CURLED)):
