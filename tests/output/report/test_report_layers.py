@@ -47,7 +47,7 @@ def seen_on(side, method_class=RefinedMethod):
     tracked = CAMERA.mirrored() if side == "left" else CAMERA
     image, mask = drawn(THETA, POSE, tracked)
     evidence = see(image, window_around(mask), tracked, Segmenter.from_mask(image, mask))
-    method = method_class(SHAPE, SPACE, RefinedSettings())
+    method = method_class(SHAPE, SPACE, RefinedSettings(sweep=SweepSettings(samples=60)))
     predicted = Estimate(POSE, THETA, np.full(20, 0.1))
     method.restart(predicted)
     estimate = method.follow(View.of(evidence), predicted, np.random.default_rng(0))
@@ -121,9 +121,7 @@ def test_matches_end_on_the_nearest_outline_that_faces_them():
 def test_a_sweep_is_shown_as_what_it_was():
     seen, result, _ = seen_on("right")
     cloud, layers = seen.workings.cloud, layers_of(seen, result, CAMERA)
-    n = 5 * SweepSettings().samples
-    shown = min(n, 200)
-    assert (layers.cloud_kind, layers.cloud_size, len(layers.cloud_X)) == ("samples", n, shown)
+    assert (layers.cloud_kind, layers.cloud_size, len(layers.cloud_X)) == ("samples", 300, 200)
     for digit in range(5):
         own = cloud.digit == digit
         assert cloud.weight[own].max() == 1.0
