@@ -2,13 +2,14 @@
 
 Silhouettes can agree for a wrong hand, and a wrong hand that is followed stays wrong: so it is
 looked for anew now and then, and often while the fit is poor or the energy is well above what it
-was of late. What is found must beat what was followed, the more so the farther the palm has to
-jump, and meet as much of the outline; its fingers are tried on the palm that was followed too. The
-other side of the hand must do so by more, and in two looks running, or three for the side that is
-rarely shown: no hand turns over from one frame to the next. A hand found by a search, perhaps
-while it is half in the picture, or whose fit was shaken, is young for a second: it is looked for
-anew from where it was trusted last, and faces the usual way if that fits about as well. Where the
-side is a guess, a back that fits better than the palm says that it is the other hand.
+was of late. A look in vain puts off the next, unless the energy has risen since. What is found must
+beat what was followed, the more so the farther the palm has to jump, and meet as much of the
+outline; its fingers are tried on the palm that was followed too. The other side of the hand must do
+so by more, and in two looks running, or three for the side that is rarely shown: no hand turns over
+from one frame to the next. A hand found by a search, perhaps while it is half in the picture, or
+whose fit was shaken, is young for a second: it is looked for anew from where it was trusted last,
+and faces the usual way if that fits about as well. Where the side is a guess, a back that fits
+better than the palm says that it is the other hand.
 """
 
 from dataclasses import dataclass
@@ -39,6 +40,8 @@ def is_due(
     turned = facing_of(track.estimate) != facing
     track.doubts += 1
     every = judge.turned_every if turned else judge.check_every
+    if strains and estimate.energy > judge.worse * track.excused:
+        track.in_vain = 0  # it has become worse since
     if strains or track.young:  # a look in vain says that the next need not come so soon
         soon = judge.doubt_every if strains else judge.young_every
         every = min(every, soon * 2**track.in_vain)
@@ -103,6 +106,7 @@ def look_again(
     if not _convinces(view, track, (estimate, agreement), found, question, judge):
         track.votes, track.voted_lost = 0, False
         track.in_vain += 1
+        track.excused = estimate.energy
         return estimate, agreement
     to_usual = facing_of(found[0]) == facing
     needed = 1 if track.young and to_usual else judge.votes_to_turn + (not to_usual)

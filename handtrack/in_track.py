@@ -56,6 +56,7 @@ class Track:
         self.frames_astray = 0  # in which it was looked for in the whole frame, or should be
         self.doubts = 0  # frames since the last look
         self.in_vain = 0  # looks running that changed nothing
+        self.excused = 0.0  # energy at the last of them
         #: Frames in which what was found by a search is not yet trusted.
         self.young = 0 if start.calibrated else YOUNG_FRAMES
         self.anchor = start.estimate  # what a look starts from: the last estimate that was trusted

@@ -21,6 +21,8 @@ class JudgeSettings:
     """Below this the hand is looked for anew now and then, in case it is otherwise."""
     strained: float = 1.25
     """And so where the energy is this many times what it was of late."""
+    worse: float = 1.05
+    """Factor on the energy at which a look was in vain from which the doubt is a new one."""
     doubt_every: int = 6
     """Frames between two such looks."""
     young_every: int = 12

@@ -69,7 +69,7 @@ class RefinedSettings:
     """Energy by which the other tilt must be better."""
     angle_std_deg: float = 25.0
     """How far an angle moves from frame to frame."""
-    turn_std_deg: float = 1.0
+    turn_std_deg: float = 1.5
     """How far the palm turns from its prediction."""
     shift_std_mm: float = 20.0
     """How far it moves from its prediction, across the line of sight."""

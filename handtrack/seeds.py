@@ -42,7 +42,7 @@ class SeedSettings:
 
     seeds: int = 2500
     """Seeds that are scored by overlap."""
-    kept: int = 24
+    kept: int = 16
     """Seeds that are refined a little."""
     finalists: int = 4
     """Of those, how many are swept and refined to the end."""

@@ -22,7 +22,7 @@ def hand(turn_deg: float = 0.0, energy: float = 50.0) -> Estimate:
 
 def track(**state: object) -> SimpleNamespace:
     """A track with nothing to doubt, but for ``state``."""
-    usual = {"votes": 0, "side_looks": 0, "young": 0, "doubts": 0, "in_vain": 0}
+    usual = {"votes": 0, "side_looks": 0, "young": 0, "doubts": 0, "in_vain": 0, "excused": 50.0}
     usual |= {"voted_lost": False, "estimate": hand()}
     searcher = SimpleNamespace(energy=lambda view, estimate: estimate.energy)
     strained = state.pop("strained", False)
@@ -61,6 +61,12 @@ def test_looks_in_vain_while_all_is_well_do_not_put_off_the_first_doubt():
     assert not doubt.is_due(followed, hand(), 0.97, JUDGE, "palm")
     followed.strains = lambda estimate, factor: True
     assert frames_to_look(followed) == JUDGE.doubt_every - 1  # of which one has passed
+
+
+@pytest.mark.parametrize(("share", "renewed"), [(1.01, True), (0.99, False)])
+def test_a_fit_that_has_become_worse_since_a_look_in_vain_is_looked_at_soon(share, renewed):
+    followed = track(strained=True, in_vain=2, excused=50.0 / (JUDGE.worse * share))
+    assert frames_to_look(followed) == JUDGE.doubt_every * (1 if renewed else 4)
 
 
 @pytest.mark.parametrize(
