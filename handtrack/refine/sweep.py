@@ -21,7 +21,10 @@ from handtrack.refine.solve import Refiner
 from handtrack.refine.view import View
 
 Array = NDArray[np.float64]
+#: A point that the rest of the hand explains to this is no concern of the digit.
 EXPLAINED_PX = 0.5
+#: Energy above the best so far at which a candidate is given up: it would weigh ``exp(-20)``.
+HOPELESS = 40.0
 
 
 @dataclass(frozen=True)
@@ -67,12 +70,13 @@ def propose(
             part[::2, 1] = here[1]
     along += rng.normal(0, off, along.shape)
     free += rng.normal(0, off, free.shape)
-    return np.clip(np.vstack([near, along, free]), limits[:, 0], limits[:, 1])
+    drawn = np.concatenate([near, along, free])
+    return np.minimum(np.maximum(drawn, limits[:, 0]), limits[:, 1])
 
 
 def stratified(n: int, dimensions: int, rng: np.random.Generator) -> Array:
     """Uniform samples ``(n, dimensions)``, one in each of ``n`` equal slices of every axis."""
-    slices = np.stack([rng.permutation(n) for _ in range(dimensions)], axis=1)
+    slices = rng.permuted(np.tile(np.arange(n), (dimensions, 1)), axis=1).T
     return np.asarray((slices + rng.random((n, dimensions))) / max(n, 1))
 
 
@@ -133,7 +137,8 @@ def digit_energies(  # type: ignore[no-untyped-def]
 ):
     """Energy of the current angles and of each candidate ``(n,)`` of digit ``d``.
 
-    Only the terms that the digit can change are summed, so values compare with each other only.
+    Only the terms that the digit can change are summed, so values compare with each other only. A
+    candidate that is ``HOPELESS`` keeps what had been summed by then.
     """
     capsules, digit, bone = parts
     n_nodes, n_capsules = len(sizes[4]), len(capsules)
@@ -155,20 +160,22 @@ def digit_energies(  # type: ignore[no-untyped-def]
     c2 = weights[1]
     scale = 1.0 / (weights[0] * weights[0])
     angles = theta.copy().reshape(1, 20)
-    energies = np.empty(len(candidates) + 1)
+    energies, least = np.empty(len(candidates) + 1), np.inf
     for n in range(len(candidates) + 1):
         if n > 0:
             angles[0, 4 * d : 4 * d + 4] = candidates[n - 1]
             place_digit(angles, d, R, t, sizes, K, circles)
             frame_capsules(circles, capsules, frames)
-        e = 0.0
-        for k in still:
-            facing = k < len(contour)
-            far = nearest_outline(points[k], facing, own, -9, digit, frames, rest[k])[0]
-            e += points[k, 4] * rho(far, c2)
+        e = digit_prior(d, angles[0], prior, limits, limit_std, H, g)
         for c in own:
-            e += sample_energy(
+            e += scale * sample_energy(
                 c, circles, capsules, digit, bone, frames, maps, weights, Jc, H, g
             )  # fmt: skip
-        energies[n] = e * scale + digit_prior(d, angles[0], prior, limits, limit_std, H, g)
+        for k in still:
+            if e > least + HOPELESS:
+                break
+            facing = k < len(contour)
+            far = nearest_outline(points[k], facing, own, -9, digit, frames, rest[k])[0]
+            e += scale * points[k, 4] * rho(far, c2)
+        energies[n], least = e, min(e, least)
     return energies[0], energies[1:]
