@@ -1,9 +1,8 @@
 """The arithmetic of the silhouette: log odds of every pixel, compiled.
 
-Formulas in :mod:`handtrack.evidence.silhouette`. Every fourth pixel of every fourth row is worked
-out, then those half-way between them, then the rest; but where the picture is sure and does not
-change from one known pixel to the next (no outline, no gap between fingers, no shade), what lies
-between them is filled in.
+Formulas in :mod:`handtrack.evidence.silhouette`. Every second pixel of every second row is worked
+out; of the others only those among which the picture is undecided or changes (the outline, gaps
+between fingers, shades), and the sure rest is filled in between.
 
 >>> ycc = np.full((8, 8, 3), 128, np.uint8)
 >>> table = np.ones((32, 32, 32, 2), np.float32)
@@ -23,8 +22,6 @@ Float = NDArray[np.float32]
 
 #: Log odds beyond which a pixel is sure, and at which they are clipped.
 SURE, MOST = 4.0, 6.0
-#: Every so many pixels of every so many rows are worked out in any case; a power of two.
-COARSE = 4
 #: Share ``w`` of the local background where it is known.
 LOCAL_SHARE = 0.95
 _BIN_VOLUME_RGB = 589.0  # RGB volume of one bin of the colour model
@@ -65,26 +62,21 @@ def log_odds_image(
 def log_odds_kernel(rgb, ycc, table, local, shadow_share, volume, out):  # type: ignore[no-untyped-def]
     """Fill ``out`` ``(h, w)``; ``local`` may be empty."""
     h, w = out.shape
-    for i in range(0, h, COARSE):
-        for j in range(0, w, COARSE):
+    for i in range(0, h, 2):
+        for j in range(0, w, 2):
             out[i, j] = pixel(rgb, ycc, table, local, shadow_share, volume, i, j)
-    step = COARSE
-    while step > 1:  # between pixels that are known, twice as finely each time
-        fine = step // 2
-        last_row, last_column = (h - 1) - (h - 1) % step, (w - 1) - (w - 1) % step
-        for i in range(0, h, fine):
-            top = i - i % step
-            bottom = min(top + step, last_row)
-            known = i == top
-            for j in range(fine if known else 0, w, step if known else fine):
-                left = j - j % step
-                right = min(left + step, last_column)
-                a, b, c, d = out[top, left], out[top, right], out[bottom, left], out[bottom, right]
-                if min(a, b, c, d) > SURE or max(a, b, c, d) < -SURE:
-                    out[i, j] = np.float32(0.25) * (a + b + c + d)
-                else:
-                    out[i, j] = pixel(rgb, ycc, table, local, shadow_share, volume, i, j)
-        step = fine
+    last_row, last_column = (h - 1) - (h - 1) % 2, (w - 1) - (w - 1) % 2
+    for i in range(h):
+        top = i - i % 2
+        bottom = min(top + 2, last_row)
+        for j in range(1 - i % 2, w, 2 - i % 2):
+            left = j - j % 2
+            right = min(left + 2, last_column)
+            a, b, c, d = out[top, left], out[top, right], out[bottom, left], out[bottom, right]
+            if min(a, b, c, d) > SURE or max(a, b, c, d) < -SURE:
+                out[i, j] = np.float32(0.25) * (a + b + c + d)
+            else:
+                out[i, j] = pixel(rgb, ycc, table, local, shadow_share, volume, i, j)
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy", forceinline=True)
