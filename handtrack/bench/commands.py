@@ -65,7 +65,7 @@ class Bench:
     seeds: int = 3
     """Clips per condition."""
     first_seed: int = 0
-    """Seed of the first of them; settings were fitted and chosen on seeds 0 to 5."""
+    """Seed of the first of them; settings were fitted and chosen on seeds 0 to 8."""
     method: tuple[Method, ...] = ("refined",)
     """Methods to compare."""
     particles: int | None = None
