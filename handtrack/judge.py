@@ -21,12 +21,12 @@ class JudgeSettings:
     """Below this the hand is looked for anew now and then, in case it is otherwise."""
     strained: float = 1.25
     """And so where the energy is this many times what it was of late."""
-    worse: float = 1.05
-    """Factor on the energy at which a look was in vain from which the doubt is a new one."""
     doubt_every: int = 6
     """Frames between two such looks."""
     young_every: int = 12
     """And between those at a hand that is not trusted yet, though it fits."""
+    worse: float = 1.05
+    """A look in vain puts off the next until the energy is this many times what it was then."""
     better_by: float = 0.02
     """Overlap by which what is found anew must beat what was followed."""
     cheaper_by: float = 10.0

@@ -70,8 +70,7 @@ def propose(
             part[::2, 1] = here[1]
     along += rng.normal(0, off, along.shape)
     free += rng.normal(0, off, free.shape)
-    drawn = np.concatenate([near, along, free])
-    return np.minimum(np.maximum(drawn, limits[:, 0]), limits[:, 1])
+    return np.clip(np.vstack([near, along, free]), limits[:, 0], limits[:, 1])
 
 
 def stratified(n: int, dimensions: int, rng: np.random.Generator) -> Array:

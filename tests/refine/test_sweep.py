@@ -4,7 +4,14 @@ import numpy as np
 
 from handtrack.estimate import Estimate
 from handtrack.hand.skeleton import LIMITS
-from handtrack.refine.sweep import SweepSettings, propose, stratified, sweep
+from handtrack.refine.sweep import (
+    HOPELESS,
+    SweepSettings,
+    digit_energies,
+    propose,
+    stratified,
+    sweep,
+)
 from handtrack.refine.view import View
 from handtrack.refined import RefinedMethod, effective_samples
 
@@ -40,6 +47,32 @@ def test_a_sweep_finds_a_finger_that_refinement_does_not(
     assert after.energy < stuck.energy
     assert np.degrees(np.abs(after.theta[8:12] - theta[8:12])).mean() < 15
     assert energies.shape == (5, SweepSettings().samples)
+
+
+def test_only_hopeless_candidates_are_given_up(method: RefinedMethod, view: View, truth) -> None:
+    pose, theta = truth
+    wrong = theta.copy()
+    wrong[8:12] = np.radians([85.0, 0.0, 100.0, 60.0])
+    prior = method.prior(Estimate(pose, wrong, np.full(20, 0.1)), loose=4.0)
+    refiner = method.refiner
+    off = np.random.default_rng(2).normal(size=(60, 4)) * np.linspace(0, 0.6, 60)[:, None]
+    candidates = theta[8:12] + off  # from the truth to far from it
+
+    def energies(some: np.ndarray) -> np.ndarray:
+        return digit_energies(
+            2, some, wrong, np.array(pose.R), np.array(pose.t_mm), refiner.sizes, refiner.parts,
+            refiner.contour(view, pose), refiner.inner(view, pose), view.maps, view.intrinsics,
+            refiner.weights, prior.arrays, refiner.limits, np.radians(3.0),
+        )[1]  # fmt: skip
+
+    together = energies(candidates)
+    alone = np.array([energies(candidates[k : k + 1])[0] for k in range(len(candidates))])
+    hopeless = alone > together.min() + HOPELESS
+    assert 5 < hopeless.sum() < 55
+    np.testing.assert_array_equal(together[~hopeless], alone[~hopeless])
+    assert (together[hopeless] > together.min() + HOPELESS).all()
+    assert (together[hopeless] <= alone[hopeless]).all()
+    assert (together[hopeless] < alone[hopeless]).any()
 
 
 def test_effective_samples_of_equal_and_of_one_sided_energies() -> None:
