@@ -96,8 +96,11 @@ class Target:
         return out
 
 
-def residuals(z: Array, target: Target, start: Pose) -> Array:
-    """Residuals ``(n, M)`` of unknowns ``z`` ``(n, N)``, each about 1 where all is well."""
+def residuals(z: Array, target: Target, start: Pose, freedom: Array | float = 1.0) -> Array:
+    """Residuals ``(n, M)`` of unknowns ``z`` ``(n, N)``, each about 1 where all is well.
+
+    ``freedom`` ``(N,)`` multiplies the standard deviations of the prior.
+    """
     hands = unpack(z, target.default)
     n, r = len(z), target.radius_px
     joints = _in_camera(joints_mm(hands), hands, start)
@@ -111,7 +114,11 @@ def residuals(z: Array, target: Target, start: Pose) -> Array:
     neck = _in_camera(np.broadcast_to(NECK_MM, (n, 1, 1, 3)), hands, start)[:, 0, 0]
     wrist = (target.project(neck) - target.wrist_px) @ target.wrist_weight.T
     return np.concatenate(
-        [*(_pseudo_huber(part.reshape(n, -1)) for part in (outline, tips, valleys)), wrist, z],
+        [
+            *(_pseudo_huber(part.reshape(n, -1)) for part in (outline, tips, valleys)),
+            wrist,
+            z / freedom,
+        ],
         axis=1,
     )
 

@@ -31,7 +31,7 @@ from scipy.optimize import least_squares
 from calib.fit import Target, best_start, residuals, start_pose
 from calib.landmarks import Landmarks, Mask, search_landmarks, start_quality
 from calib.outline import palm_from_outline
-from calib.parameters import POSE, Hands, N, unpack
+from calib.parameters import POSE, TILTED, Hands, N, unpack
 from calib.seen import Seen
 from handtrack import rotation
 from handtrack.camera import Camera
@@ -43,6 +43,10 @@ Array = NDArray[np.float64]
 #: Mean distance of outline and model, in palm radii, above which the fit is not believed.
 MAX_RESIDUAL_R = 0.06
 FINITE_STEP = 1e-4
+#: Standard deviations by which a frontal palm must strain at its prior for a tilt to be tried.
+STRAINED = 0.15
+#: Log-likelihood that a tilted palm must gain over a frontal one to be believed.
+TILT_EVIDENCE = 2.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,28 +157,12 @@ def _fit(
     target = Target.of(landmarks, camera, default)
     start = start_pose(landmarks, camera, default, facing)
 
-    z = best_start(target, start)
     free = np.ones(N, bool) if fit_shape else POSE
-    unit_steps = FINITE_STEP * np.eye(N)[free]
-
-    def residuals_of(values: Array) -> Array:
-        return residuals(_with(z, free, values)[None], target, start)[0]
-
-    def jacobian(values: Array) -> Array:
-        here = _with(z, free, values)
-        both = residuals(np.vstack([here, here + unit_steps]), target, start)
-        return np.asarray((both[1:] - both[0]).T / FINITE_STEP)
-
-    solution = least_squares(
-        residuals_of,
-        z[free],
-        jac=jacobian,
-        method="trf",
-        max_nfev=40,
-        xtol=1e-4,
-        ftol=1e-5,
-    )
-    hand = unpack(_with(z, free, solution.x)[None], default)
+    z, cost = _solved(best_start(target, start), free, target, start)
+    if np.linalg.norm(z[TILTED > 1]) > STRAINED:
+        tilted, lower = _solved(z, free, target, start, TILTED)
+        z = tilted if lower < cost - TILT_EVIDENCE else z
+    hand = unpack(z[None], default)
     distance = target.outline_distances(hand, start)[0]
     residual_px = float(np.mean(np.abs(distance)))
     believed = residual_px < max(MAX_RESIDUAL_R * landmarks.radius_px, 1.0)
@@ -192,6 +180,36 @@ def _fit(
         quality=start_quality(landmarks),
         status=Seen.OPEN_HAND if believed else Seen.POOR_FIT,
     )
+
+
+def _solved(
+    z: Array,
+    free: NDArray[np.bool_],
+    target: Target,
+    start: Pose,
+    freedom: Array | float = 1.0,
+) -> tuple[Array, float]:
+    """The unknowns ``(N,)`` of least squares, begun at ``z``, and half their sum."""
+    unit_steps = FINITE_STEP * np.eye(N)[free]
+
+    def residuals_of(values: Array) -> Array:
+        return residuals(_with(z, free, values)[None], target, start, freedom)[0]
+
+    def jacobian(values: Array) -> Array:
+        here = _with(z, free, values)
+        both = residuals(np.vstack([here, here + unit_steps]), target, start, freedom)
+        return np.asarray((both[1:] - both[0]).T / FINITE_STEP)
+
+    solution = least_squares(
+        residuals_of,
+        z[free],
+        jac=jacobian,
+        method="trf",
+        max_nfev=40,
+        xtol=1e-4,
+        ftol=1e-5,
+    )
+    return _with(z, free, solution.x), float(solution.cost)
 
 
 def _with(z: Array, free: NDArray[np.bool_], values: Array) -> Array:

@@ -2,15 +2,14 @@
 
 An open palm that faces the camera is best: its silhouette gives the shape (bone lengths, thumb,
 axes), the pose and the side at once. Where no frame shows one, any silhouette into which the hand
-(given, or the default adult) can be fitted well starts tracking too, and the shape is calibrated
-when an open palm comes by.
+(given, or the default adult) can be fitted well starts tracking too (:mod:`handtrack.searched`),
+and the shape is calibrated when an open palm comes by.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,9 +21,6 @@ from handtrack.evidence.silhouette import Segmenter
 from handtrack.hand.shape import HandShape
 from handtrack.parallel import each
 from handtrack.records import Pose
-from handtrack.refine.view import View
-from handtrack.refined import RefinedMethod
-from handtrack.seeds import find_hand
 
 #: Standard deviation of an angle just after the start.
 START_STD = np.radians(8.0)
@@ -74,10 +70,17 @@ class StartSettings:
     """Overlap from which a hand that is not open is believed."""
     max_solidity: float = 0.9
     """Share of its convex hull that a silhouette may fill to be believed, if it is not open."""
-    min_margin: float = 0.015
-    """Overlap by which one side must beat the other, where the side is not told."""
-    min_cheaper: float = 8.0
-    """And energy by which it must."""
+    closer: float = 0.015
+    """Overlap by which a hand must be the better as one side to be a unit in the lead, where the
+    side is not told."""
+    cheaper: float = 8.0
+    """Energy by which it must be."""
+    min_lead: float = 4.0
+    """Units by which one side must lead in the first look; later ones want less."""
+    patience: int = 20
+    """Frames after which whichever leads will do."""
+    look_every: int = 5
+    """Frames between two looks for a hand that is not open."""
 
 
 def calibrated_start(
@@ -121,62 +124,6 @@ def calibrated_start(
 
     starts = each(start_on, Segmenter.bootstrap(image)[: settings.candidates])
     return max((s for s in starts if s), key=lambda s: s.overlap, default=None)
-
-
-def searched_start(
-    image: NDArray[np.uint8],
-    camera: Camera,
-    make_method: Callable[[HandShape], RefinedMethod],
-    shape: HandShape,
-    side: str,
-    facing: str,
-    rng: np.random.Generator,
-    settings: StartSettings,
-) -> Start | None:
-    """A start from any pose: the given shape fitted to the frame's candidate silhouettes."""
-    method = make_method(shape)
-    starts: list[Start] = []
-    for candidate in Segmenter.bootstrap(image)[:2]:
-        for tried in ("right", "left") if side == "auto" else (side,):
-            flip = tried == "left"
-            picture = np.ascontiguousarray(image[:, ::-1]) if flip else image
-            mask = candidate.mask[:, ::-1] if flip else candidate.mask
-            segmenter = Segmenter.from_mask(picture, mask)
-            seen_by = camera.mirrored() if flip else camera
-            evidence = see(picture, window_around(mask), seen_by, segmenter)
-            if solidity(evidence.mask) > settings.max_solidity:
-                continue  # a fist fits any round thing: wait for a finger
-            found = find_hand(View.of(evidence), method, (facing,), rng)
-            if found is not None:
-                starts.append(Start(shape, found[0], tried, segmenter, found[1], False))
-    starts.sort(key=lambda s: -s.overlap)
-    if not starts or starts[0].overlap < settings.min_overlap:
-        return None
-    rivals = [s for s in starts[1:] if s.side != starts[0].side]
-    if rivals and not _beats(starts[0], rivals, settings):
-        return None  # either side would do: wait for a frame that tells
-    return starts[0]
-
-
-def _beats(best: Start, rivals: list[Start], settings: StartSettings) -> bool:
-    """Whether the best start is of the right side beyond doubt, by overlap and by energy."""
-    closer = best.overlap - rivals[0].overlap >= settings.min_margin
-    cheapest = min(rival.estimate.energy for rival in rivals)
-    return closer and cheapest - best.estimate.energy >= settings.min_cheaper
-
-
-def solidity(mask: NDArray[np.bool_]) -> float:
-    """Area of a silhouette over that of its convex hull; 1 for none.
-
-    >>> disc = np.hypot(*np.mgrid[-20:21, -20:21]) < 18
-    >>> solidity(disc) > 0.95
-    True
-    """
-    points = np.argwhere(mask)
-    if len(points) < 10:
-        return 1.0
-    hull = cv2.convexHull(points[:, ::-1].astype(np.int32))
-    return float(len(points) / max(cv2.contourArea(hull), 1.0))
 
 
 def recalibrated(

@@ -36,6 +36,7 @@ from handtrack.records import Frame, FrameResult, Status
 from handtrack.refine.view import View
 from handtrack.refined import RefinedMethod, RefinedSettings
 from handtrack.report import result_of
+from handtrack.searched import SearchedStart
 from handtrack.seeds import facing_of
 from handtrack.start import (
     Calibrate,
@@ -43,7 +44,6 @@ from handtrack.start import (
     StartSettings,
     calibrated_start,
     recalibrated,
-    searched_start,
 )
 from handtrack.window import window_for
 
@@ -99,7 +99,7 @@ class Tracker:
         self.space = space or default_space()
         self.rng = np.random.default_rng(settings.seed)
         self.track: Track | None = None
-        self.waited = 0
+        self.search: SearchedStart | None = None  # while no open palm starts the track
         self.side: str = settings.side  # what is told, or has been learned, or "auto"
         self.last_evidence: Evidence | None = None
         self.seen: Seen | None = None  # of the last frame that was followed
@@ -162,20 +162,21 @@ class Tracker:
                 s.start,
                 fit_shape=self.given is None,
             )
-        if start is None and self.waited % 5 == 0:
-            start = searched_start(
-                image, self.camera, self._searcher, default, self.side, s.facing, self.rng, s.start
+        if start is None:
+            self.search = self.search or SearchedStart(
+                self._searcher, default, self.side, s.facing, s.start
             )
-        self.waited += 1
+            start = self.search(image, self.camera, self.rng)
         if start is not None:
             searcher = self._searcher(start.shape)
             method = self._method(start.shape, searcher)
             self.track = Track(start, searcher, method, side_told=self.side != "auto")
+            self.search = None
 
     def _other_hand(self, track: Track) -> None:
         """Begin anew, with the side that the track was not."""
         self.side = "left" if track.side == "right" else "right"
-        self.track, self.waited = None, 0
+        self.track = None
 
     def _follow(self, frame: Frame, filmed: Image, track: Track) -> FrameResult:
         image = np.ascontiguousarray(filmed[:, ::-1]) if track.side == "left" else filmed

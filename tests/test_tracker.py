@@ -10,6 +10,7 @@ from handtrack import tracker as tracker_module
 from handtrack.hand.shape import HandShape
 from handtrack.hand.space import default
 from handtrack.records import Frame, FrameResult, Status
+from handtrack.searched import SearchedStart
 from handtrack.start import StartSettings
 from handtrack.tracker import Tracker, TrackerSettings
 from synth.actor import make_actor
@@ -87,12 +88,12 @@ def test_a_hand_that_goes_is_lost_and_found_when_it_comes_back(right) -> None:
 def test_a_wrong_guess_of_the_side_is_found_out(right, monkeypatch) -> None:
     """Begun as a left hand, the right palm fits best as the left hand's back: it is the other."""
     images, scene = right
-    search = tracker_module.searched_start
 
-    def guess_left(image, camera, make, shape, side, *rest):
-        return search(image, camera, make, shape, "left" if side == "auto" else side, *rest)
+    class GuessLeft(SearchedStart):
+        def __init__(self, make_method, shape, side, *rest) -> None:
+            super().__init__(make_method, shape, "left" if side == "auto" else side, *rest)
 
-    monkeypatch.setattr(tracker_module, "searched_start", guess_left)
+    monkeypatch.setattr(tracker_module, "SearchedStart", GuessLeft)
     easy = TrackerSettings(start=StartSettings(min_overlap=0.5, max_solidity=1.0))
     tracker = Tracker(easy, scene.camera, None, default(), calibrate=None)
     clip = [*images[:4], *[images[4]] * 12]

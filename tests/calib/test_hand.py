@@ -181,3 +181,18 @@ def test_the_real_hand(shared, first_frame_mask):
     off = np.linalg.norm(here - peer, axis=1) / palm
     assert off.mean() < 0.08
     assert off[4::4].max() < 0.15
+
+
+def test_a_tilted_palm_is_told_from_a_frontal_one(open_hand):
+    """Perspective and the proportions of digits tell a tilt, where it is large enough."""
+    tilts, errors = [], []
+    for seed in range(300, 320):
+        hand = open_hand(np.random.default_rng(seed), tilt_deg=40.0, turn_deg=60.0)
+        found = calibrate_hand(hand.mask, hand.camera)
+        if found.ok:
+            tilts.append(np.degrees(np.arccos(-hand.pose.R[2, 2])))
+            errors.append(np.degrees(rotation.angle_between(found.pose.R, hand.pose.R)))
+    tilts, errors = np.array(tilts), np.array(errors)
+    assert (tilts > 20).sum() >= 5
+    assert np.median(errors[tilts > 20]) < 0.5 * np.median(tilts[tilts > 20])
+    assert np.mean(errors) < 0.7 * np.mean(tilts)

@@ -1,0 +1,117 @@
+"""A start from any pose: the hand is sought in a frame's silhouettes, as either side.
+
+A silhouette says little of the side: the palm of one hand looks like the back of the other, and a
+fist much like its mirror image. So both are sought, and what speaks for one of them, in overlap and
+in energy, is added up from look to look, as in a sequential test (Wald 1945). The longer it takes,
+the less is wanted: an unsure answer is better than none.
+"""
+
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack.camera import Camera
+from handtrack.evidence.evidence import see, window_around
+from handtrack.evidence.orientation import Image
+from handtrack.evidence.silhouette import Segmenter
+from handtrack.hand.shape import HandShape
+from handtrack.refine.view import View
+from handtrack.refined import RefinedMethod
+from handtrack.seeds import find_hand
+from handtrack.start import Start, StartSettings
+
+#: Silhouettes of a frame in which the hand is sought.
+SILHOUETTES = 2
+
+
+class SearchedStart:
+    """Looks for a hand of one shape in frame after frame until its side is told.
+
+    Parameters
+    ----------
+    make_method : callable
+        The method for a shape.
+    shape : HandShape
+    side : "right", "left" or "auto"
+        Which hand it is; auto: whichever explains the pictures better.
+    facing : "palm" or "back"
+        The side of the hand that is shown.
+    settings : StartSettings
+    """
+
+    def __init__(
+        self,
+        make_method: Callable[[HandShape], RefinedMethod],
+        shape: HandShape,
+        side: str,
+        facing: str,
+        settings: StartSettings,
+    ) -> None:
+        self.method, self.shape = make_method(shape), shape
+        self.sides = ("right", "left") if side == "auto" else (side,)
+        self.facing, self.settings = facing, settings
+        self.waited = 0  # frames
+        self.lead = 0.0  # what has spoken for the right hand so far
+
+    def __call__(self, image: Image, camera: Camera, rng: np.random.Generator) -> Start | None:
+        """A start in this frame, or None while none is good enough, or the side is not told."""
+        due = self.waited % self.settings.look_every == 0
+        wanted = self.settings.min_lead * max(1 - self.waited / self.settings.patience, 0.0)
+        self.waited += 1
+        if not due:
+            return None
+        found = {side: self._best(image, camera, side, rng) for side in self.sides}
+        starts = {side: start for side, start in found.items() if start is not None}
+        good = {s for s, x in starts.items() if x.overlap >= self.settings.min_overlap}
+        if not good:
+            return None
+        if len(self.sides) == 1:
+            return starts[self.sides[0]]
+        self.lead += self._lead(starts)
+        ahead = "right" if self.lead > 0 else "left"
+        return starts[ahead] if ahead in good and abs(self.lead) >= wanted else None
+
+    def _best(
+        self, image: Image, camera: Camera, side: str, rng: np.random.Generator
+    ) -> Start | None:
+        """The hand, as one side, that overlaps most with one of the frame's silhouettes."""
+        flip = side == "left"
+        picture = np.ascontiguousarray(image[:, ::-1]) if flip else image
+        seen_by = camera.mirrored() if flip else camera
+        starts = []
+        for candidate in Segmenter.bootstrap(image)[:SILHOUETTES]:
+            mask = candidate.mask[:, ::-1] if flip else candidate.mask
+            segmenter = Segmenter.from_mask(picture, mask)
+            evidence = see(picture, window_around(mask), seen_by, segmenter)
+            if solidity(evidence.mask) > self.settings.max_solidity:
+                continue  # a fist fits any round thing: wait for a finger
+            found = find_hand(View.of(evidence), self.method, (self.facing,), rng)
+            if found is not None:
+                starts.append(Start(self.shape, found[0], side, segmenter, found[1], False))
+        return max(starts, key=lambda start: start.overlap, default=None)
+
+    def _lead(self, starts: dict[str, Start]) -> float:
+        """What this frame says for the right hand, against the left."""
+        s = self.settings
+        if len(starts) == 1:
+            return s.min_lead if "right" in starts else -s.min_lead
+        right, left = starts["right"], starts["left"]
+        closer = (right.overlap - left.overlap) / s.closer
+        cheaper = (left.estimate.energy - right.estimate.energy) / s.cheaper
+        return float(np.clip(closer + cheaper, -2 * s.min_lead, 2 * s.min_lead))
+
+
+def solidity(mask: NDArray[np.bool_]) -> float:
+    """Area of a silhouette over that of its convex hull; 1 for none.
+
+    >>> disc = np.hypot(*np.mgrid[-20:21, -20:21]) < 18
+    >>> solidity(disc) > 0.95
+    True
+    """
+    points = np.argwhere(mask)
+    if len(points) < 10:
+        return 1.0
+    hull = cv2.convexHull(points[:, ::-1].astype(np.int32))
+    return float(len(points) / max(cv2.contourArea(hull), 1.0))

@@ -1,0 +1,77 @@
+"""When a search of both sides begins a track: the sequential test, with looks that are made up."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from handtrack.camera import Camera
+from handtrack.estimate import Estimate
+from handtrack.hand.shape import HandShape
+from handtrack.records import Pose
+from handtrack.searched import SearchedStart, solidity
+from handtrack.start import Start, StartSettings
+
+CAMERA = Camera.assumed_for(64, 48)
+IMAGE = np.zeros((48, 64, 3), np.uint8)
+SETTINGS = StartSettings()
+
+
+class MadeUp(SearchedStart):
+    """Looks that find ``(overlap, energy)`` of each side, the same in every frame."""
+
+    def __init__(self, right=None, left=None, side="auto") -> None:
+        super().__init__(lambda shape: None, HandShape.default(), side, "palm", SETTINGS)
+        self.made_up = {"right": right, "left": left}
+        self.looks = 0
+
+    def _best(self, image, camera, side, rng):
+        if (found := self.made_up[side]) is None:
+            return None
+        self.looks += 1
+        overlap, energy = found
+        estimate = Estimate(Pose(np.eye(3), np.zeros(3)), np.zeros(20), np.ones(20))
+        return Start(self.shape, replace(estimate, energy=energy), side, None, overlap, False)
+
+
+def first(search: SearchedStart, frames: int = 40) -> tuple[int, str] | None:
+    """The frame in which a track begins, and as which side."""
+    rng = np.random.default_rng(0)
+    for k in range(frames):
+        if (start := search(IMAGE, CAMERA, rng)) is not None:
+            return k, start.side
+    return None
+
+
+def test_a_clear_side_begins_at_once():
+    assert first(MadeUp(right=(0.95, 50.0), left=(0.91, 80.0))) == (0, "right")
+    assert first(MadeUp(right=(0.91, 80.0), left=(0.95, 50.0))) == (0, "left")
+    assert first(MadeUp(left=(0.95, 50.0), side="left")) == (0, "left")
+
+
+def test_a_small_lead_adds_up_from_look_to_look():
+    found = first(MadeUp(right=(0.935, 50.0), left=(0.92, 58.0)))
+    assert found == (SETTINGS.look_every, "right")
+
+
+def test_an_unsure_answer_comes_when_patience_ends():
+    found = first(MadeUp(right=(0.930, 50.0), left=(0.930, 50.5)))
+    assert found is not None
+    assert found[0] <= SETTINGS.patience
+    assert found[1] == "right"
+
+
+@pytest.mark.parametrize("poor", [None, (SETTINGS.min_overlap - 0.01, 10.0)])
+def test_what_does_not_fit_begins_nothing(poor):
+    assert first(MadeUp(right=poor, left=poor)) is None
+    assert first(MadeUp(right=poor, side="right")) is None
+
+
+def test_looks_are_made_now_and_then():
+    search = MadeUp(right=(0.5, 50.0), side="right")
+    first(search, frames=2 * SETTINGS.look_every)
+    assert search.looks == 2
+
+
+def test_solidity_of_nothing_is_one():
+    assert solidity(np.zeros((5, 5), bool)) == 1.0
