@@ -84,6 +84,7 @@ def calibrate_hand(
     hand_length_mm: float | None = None,
     visible: Mask | None = None,
     fit_shape: bool = True,
+    min_quality: float = 0.0,
 ) -> CalibrationResult:
     """Fit ``default`` to the open hand in ``mask`` ``(h, w)`` seen by ``camera``.
 
@@ -99,6 +100,8 @@ def calibrate_hand(
         Where the picture goes on, if that is not all of the mask (a crop beyond the frame).
     fit_shape : bool
         False: the hand is ``default`` as it is, and only its pose and angles are found.
+    min_quality : float
+        A hand that is not so open (:func:`calib.landmarks.start_quality`) is refused, unfitted.
 
     Raises
     ------
@@ -110,6 +113,8 @@ def calibrate_hand(
     landmarks, seen = search_landmarks(mask, visible)
     if landmarks is None:
         return _refused(default, seen)
+    if start_quality(landmarks) < min_quality:
+        return _refused(default, Seen.HALF_OPEN)
     found = _side_shown(landmarks, facing)
     if side not in (None, found):
         return _refused(default, Seen.OTHER_SIDE)

@@ -47,9 +47,10 @@ class Track:
     ) -> None:
         self.shape, self.side, self.segmenter = start.shape, start.side, start.segmenter
         self.searcher, self.method = searcher, method
-        method.restart(start.estimate, sure=start.calibrated)
+        calibrated = start.quality > 0
+        method.restart(start.estimate, sure=calibrated)
         self.estimate = start.estimate
-        self.calibrated = start.calibrated
+        self.quality = start.quality  # of the open palm that the shape is from; 0 for none
         self.turn = np.zeros(3)  # rotation vector per frame
         self.shift_mm = np.zeros(3)
         self.misses = 0
@@ -58,10 +59,10 @@ class Track:
         self.in_vain = 0  # looks running that changed nothing
         self.excused = 0.0  # energy at the last of them
         #: Frames in which what was found by a search is not yet trusted.
-        self.young = 0 if start.calibrated else YOUNG_FRAMES
+        self.young = 0 if calibrated else YOUNG_FRAMES
         self.anchor = start.estimate  # what a look starts from: the last estimate that was trusted
         #: Looks still to come that may find that it is the other hand, where the side is a guess.
-        self.side_looks = 0 if side_told or start.calibrated else SIDE_LOOKS
+        self.side_looks = 0 if side_told or calibrated else SIDE_LOOKS
         self.is_other_hand = False
         self.votes = 0  # looks running that saw the other side of the hand
         self.voted_lost = False  # whether the first of them was at a fit that had failed

@@ -89,7 +89,7 @@ class SearchedStart:
                 continue  # a fist fits any round thing: wait for a finger
             found = find_hand(View.of(evidence), self.method, (self.facing,), rng)
             if found is not None:
-                starts.append(Start(self.shape, found[0], side, segmenter, found[1], False))
+                starts.append(Start(self.shape, found[0], side, segmenter, found[1], 0.0))
         return max(starts, key=lambda start: start.overlap, default=None)
 
     def _lead(self, starts: dict[str, Start]) -> float:

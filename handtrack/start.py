@@ -42,7 +42,8 @@ class Calibration(Protocol):
         ...
 
 
-#: ``calibrate(mask, camera, default, side, facing, visible, fit_shape) -> Calibration``, or None.
+#: ``calibrate(mask, camera, default, side, facing, visible, fit_shape, min_quality)``, which gives
+#: a :class:`Calibration`; or None.
 Calibrate = Callable[..., Any]
 
 
@@ -55,7 +56,7 @@ class Start:
     side: str
     segmenter: Segmenter
     overlap: float
-    calibrated: bool
+    quality: float  # of the open hand that its shape was calibrated from; 0 for none
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,10 @@ class StartSettings:
     """Silhouettes that are looked at in a frame."""
     min_quality: float = 0.35
     """Quality of an open hand from which its shape is calibrated."""
+    good_quality: float = 0.9
+    """Quality from which no better one is waited for."""
+    better_quality: float = 0.2
+    """And by how much a later one must be better to take its place."""
     min_overlap: float = 0.88
     """Overlap from which a hand that is not open is believed."""
     max_solidity: float = 0.9
@@ -109,8 +114,9 @@ def calibrated_start(
             facing=facing,
             visible=evidence.visible,
             fit_shape=fit_shape,
+            min_quality=settings.min_quality,
         )
-        if not found.ok or found.quality <= settings.min_quality:
+        if not found.ok:
             return None
         return Start(
             shape=found.shape,
@@ -119,7 +125,7 @@ def calibrated_start(
             segmenter=segmenter.mirrored() if found.side == "left" else segmenter,
             # of silhouettes alike, the one that is a hand and nothing else
             overlap=found.quality * evidence.confidence / (1 + found.residual_px),
-            calibrated=True,
+            quality=found.quality,
         )
 
     starts = each(start_on, Segmenter.bootstrap(image)[: settings.candidates])
@@ -133,10 +139,12 @@ def recalibrated(
     facing: str,
     settings: StartSettings,
     side: str | None = "right",
+    quality: float = 0.0,
 ) -> Calibration | None:
     """The shape from a tracked frame, if it shows an open palm; mirrored as the tracker is.
 
-    With ``side`` None the palm says which side it is: "left" if the wrong side is tracked.
+    ``quality`` is that of the palm which the shape is from so far, 0 for none. With ``side`` None
+    the palm says which side it is: "left" if the wrong side is tracked.
     """
     found: Calibration = calibrate(
         evidence.mask,
@@ -145,5 +153,6 @@ def recalibrated(
         side=side,
         facing=facing,
         visible=evidence.visible,
+        min_quality=max(settings.min_quality, quality + settings.better_quality),
     )
-    return found if found.ok and found.quality > settings.min_quality else None
+    return found if found.ok else None

@@ -239,18 +239,22 @@ class Tracker:
                 evidence.image, cv2.erode(mask, kernel) > 0, cv2.dilate(mask, kernel) == 0
             )
             track.segmenter.watch(image, evidence.mask, evidence.window)
-        wanted = not track.calibrated and self.given is None and self.calibrate is not None
+        wanted = track.quality < self.settings.start.good_quality and self.given is None
         if wanted and self.calibrate is not None and len(self.timings_ms["learn"]) % 5 == 0:
             # an open palm that faces as it should tells the side, where that was a guess
-            sure = self.side != "auto" or facing_of(track.estimate) != self.settings.facing
+            sure = (
+                self.side != "auto"
+                or track.quality > 0
+                or facing_of(track.estimate) != self.settings.facing
+            )
             found = recalibrated(
                 evidence, self.calibrate, HandShape.default(), self.settings.facing,
-                self.settings.start, "right" if sure else None,
+                self.settings.start, "right" if sure else None, track.quality,
             )  # fmt: skip
             if found is not None and found.side == "left":
                 self._other_hand(track)
             elif found is not None:
-                track.shape, track.calibrated = found.shape, True
+                track.shape, track.quality = found.shape, found.quality
                 track.searcher = self._searcher(found.shape)
                 track.method = self._method(found.shape, track.searcher)
                 track.estimate = Estimate(found.pose, found.theta, track.estimate.theta_std)

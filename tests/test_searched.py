@@ -31,7 +31,7 @@ class MadeUp(SearchedStart):
         self.looks += 1
         overlap, energy = found
         estimate = Estimate(Pose(np.eye(3), np.zeros(3)), np.zeros(20), np.ones(20))
-        return Start(self.shape, replace(estimate, energy=energy), side, None, overlap, False)
+        return Start(self.shape, replace(estimate, energy=energy), side, None, overlap, 0.0)
 
 
 def first(search: SearchedStart, frames: int = 40) -> tuple[int, str] | None:

@@ -102,6 +102,25 @@ def test_a_wrong_guess_of_the_side_is_found_out(right, monkeypatch) -> None:
     assert sides[-1] == "right"
 
 
+def test_a_better_open_palm_takes_the_place_of_a_poorer_one(right) -> None:
+    images, scene = right
+    wanted = []
+
+    def calibrate(mask, camera, **options):
+        found = calibrate_hand(mask, camera, **options)
+        if tracker.track is None:
+            return replace(found, quality=0.5)
+        wanted.append(options["min_quality"])
+        return replace(found, quality=0.95)
+
+    tracker = Tracker(TrackerSettings(), scene.camera, None, default(), calibrate)
+    for k, image in enumerate(images[:12]):
+        tracker.step(Frame(k, k / 30, image))
+    assert tracker.track is not None
+    assert tracker.track.quality == 0.95
+    assert wanted == [0.5 + StartSettings().better_quality]  # and once it is good, no more is asked
+
+
 def test_frames_that_cannot_be_decoded_are_said_to_be(right) -> None:
     images, scene = right
     tracker = Tracker(TrackerSettings(), scene.camera, None, default(), calibrate_hand)

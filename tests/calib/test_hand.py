@@ -196,3 +196,11 @@ def test_a_tilted_palm_is_told_from_a_frontal_one(open_hand):
     assert (tilts > 20).sum() >= 5
     assert np.median(errors[tilts > 20]) < 0.5 * np.median(tilts[tilts > 20])
     assert np.mean(errors) < 0.7 * np.mean(tilts)
+
+
+def test_a_hand_that_is_not_open_enough_is_refused(open_hand):
+    hand = open_hand(np.random.default_rng(100), tilt_deg=5.0)
+    quality = calibrate_hand(hand.mask, hand.camera).quality
+    assert calibrate_hand(hand.mask, hand.camera, min_quality=quality).ok
+    found = calibrate_hand(hand.mask, hand.camera, min_quality=quality + 0.01)
+    assert found.status is Seen.HALF_OPEN
