@@ -9,6 +9,7 @@ hand itself below its wrist would fit perfectly.
 from dataclasses import dataclass
 
 import cv2
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,6 +23,8 @@ Array = NDArray[np.float64]
 STRIP_MM, FOLLOWED_MM = 600.0, 130.0
 #: Directions tried, from the palm's axis.
 BENT_RAD = np.radians(np.arange(-45.0, 46.0, 9.0))
+#: Where along the strip the silhouette is asked for.
+STEPS_MM = np.linspace(0.1, 1.0, 14) * FOLLOWED_MM
 #: Half width at the wrist in wrist radii, and what it grows by for each mm along the strip.
 WIDTH, GROWTH = 1.3, 0.12
 
@@ -74,18 +77,8 @@ def forearm_strip(
     wrist, down = px[:, 0], px[:, 0] - px[:, 1]
     down = down / np.maximum(np.linalg.norm(down, axis=1, keepdims=True), 1e-9)
     px_per_mm = (fx / np.maximum(X[:, 0, 2], 1.0))[:, None]
-    c, s = np.cos(BENT_RAD), np.sin(BENT_RAD)
-    x, y = down[:, :1], down[:, 1:]
-    ways = np.stack([c * x - s * y, s * x + c * y], axis=-1)  # (n, b, 2)
-    steps = np.linspace(0.1, 1.0, 14) * FOLLOWED_MM * px_per_mm  # (n, k)
-    points = wrist[:, None, None] + ways[:, :, None] * steps[:, None, :, None]
-    cell = ((points + 0.5) * bits.scale).astype(int)
-    known = ((cell >= 0) & (cell < GRID)).all(axis=-1)
-    cell = np.clip(cell, 0, GRID - 1)
-    inside = bits.grid[cell[..., 1], cell[..., 0]] | ~known
-    # of directions alike, the straighter
-    best = np.argmax(inside.sum(axis=-1) - 1e-3 * np.abs(BENT_RAD), axis=1)
-    way = ways[np.arange(len(ways)), best]
+    way = np.empty_like(down)
+    _farthest(wrist, down, px_per_mm[:, 0], bits.grid, bits.scale, BENT_RAD, STEPS_MM, way)
     across = np.stack([-way[:, 1], way[:, 0]], axis=1)
     near = WIDTH * wrist_radius_mm * px_per_mm
     far = near + GROWTH * STRIP_MM * px_per_mm
@@ -94,6 +87,30 @@ def forearm_strip(
         [wrist - near * across, wrist + near * across, end + far * across, end - far * across],
         axis=1,
     )
+
+
+@numba.njit(cache=True, nogil=True)
+def _farthest(wrist, down, px_per_mm, grid, scale, bent, steps_mm, way):  # type: ignore[no-untyped-def]
+    """Into ``way`` ``(n, 2)``, of the directions about ``down``, that which stays inside longest.
+
+    Of directions alike, the straighter; what lies beyond the window counts as inside.
+    """
+    rows, columns = grid.shape
+    for n in range(len(wrist)):
+        most = -np.inf
+        for b in range(len(bent)):
+            c, s = np.cos(bent[b]), np.sin(bent[b])
+            x = c * down[n, 0] - s * down[n, 1]
+            y = s * down[n, 0] + c * down[n, 1]
+            inside = -1e-3 * abs(bent[b])
+            for k in range(len(steps_mm)):
+                step = steps_mm[k] * px_per_mm[n]
+                column = int((wrist[n, 0] + x * step + 0.5) * scale)
+                row = int((wrist[n, 1] + y * step + 0.5) * scale)
+                known = 0 <= row < rows and 0 <= column < columns
+                inside += not known or grid[row, column]
+            if inside > most:
+                most, way[n, 0], way[n, 1] = inside, x, y
 
 
 def capsule_overlap(
