@@ -266,7 +266,7 @@ class RefinedMethod:
 
     def estimate(self, refined: Refined, ess: float) -> Estimate:
         """An :class:`Estimate` with the spread that the curvature of the energy gives."""
-        covariance = np.linalg.pinv(refined.information)
+        covariance = np.linalg.inv(refined.information)  # the prior makes it positive definite
         std = np.sqrt(np.maximum(np.diag(covariance)[6:], 1e-8)) * self.settings.spread
         return Estimate(refined.pose, refined.theta, std, ess, refined.energy)
 
