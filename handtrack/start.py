@@ -67,6 +67,9 @@ class StartSettings:
     """Silhouettes that are looked at in a frame."""
     min_quality: float = 0.35
     """Quality of an open hand from which its shape is calibrated."""
+    clear: float = 0.7
+    """Worth of an open hand from which no other silhouettes are looked at: its quality, less where
+    the colours are doubtful or the outline is not met."""
     good_quality: float = 0.9
     """Quality from which no better one is waited for."""
     better_quality: float = 0.2
@@ -128,8 +131,13 @@ def calibrated_start(
             quality=found.quality,
         )
 
-    starts = each(start_on, Segmenter.bootstrap(image)[: settings.candidates])
-    return max((s for s in starts if s), key=lambda s: s.overlap, default=None)
+    candidates = Segmenter.bootstrap(image)[: settings.candidates]
+    starts: list[Start] = []
+    for k in range(0, len(candidates), 2):
+        starts += [start for start in each(start_on, candidates[k : k + 2]) if start is not None]
+        if any(start.overlap >= settings.clear for start in starts):
+            break
+    return max(starts, key=lambda start: start.overlap, default=None)
 
 
 def recalibrated(
