@@ -20,6 +20,9 @@ class ClipCache:
 
     folder: Path
     frames: int | None = None  # cut or lengthen every clip to so many
+    recordings: tuple[
+        Path, ...
+    ] = ()  # that fingers replay, in turn by seed; none: as the scene says
 
     def __call__(self, condition: str, seed: int) -> Path:
         """The folder of ready scene ``condition``, its seed counted on from the scene's own."""
@@ -27,6 +30,10 @@ class ClipCache:
         scene = replace(scene, seed=1000 * scene.seed + seed)
         if self.frames is not None:
             scene = replace(scene, motion=replace(scene.motion, frames=self.frames))
+        if self.recordings:
+            replayed = str(self.recordings[seed % len(self.recordings)].resolve())
+            motion = replace(scene.motion, fingers="recording", recording=replayed)
+            scene = replace(scene, motion=motion)
         made = self.folder / f"{condition}-{seed}-{key_of(scene)}"
         if not (made / "truth.npz").is_file():
             part = made.with_name(f".{made.name}.part")

@@ -74,6 +74,9 @@ class Bench:
     """The hand's measures: calibrated from the clip, its true ones, or the default adult's."""
     frames: int | None = None
     """Another length for every clip."""
+    recordings: tuple[Path, ...] = ()
+    """Recordings (ManipNet's BVH, Leap Motion's JSON) that the fingers of all clips replay, in
+    turn."""
     out: Path = Path("bench")
     """Folder for the results."""
     clips: Path | None = None
@@ -119,7 +122,7 @@ class Bench:
         )
         if not todo:
             raise InputError(f"--seeds {self.seeds}: at least one is needed")
-        render = ClipCache(self.clips or self.out / "clips", self.frames)
+        render = ClipCache(self.clips or self.out / "clips", self.frames, self.recordings)
         hidden = self.quiet or not sys.stderr.isatty()
         runs = run_suite(todo, render, self.out, self.hand)
         return list(tqdm(runs, total=len(todo), unit="clip", disable=hidden))

@@ -151,3 +151,13 @@ def test_synth_makes_a_ready_scene(tmp_path, capsys):
     assert "2 frames" in capsys.readouterr().out
     with pytest.raises(InputError, match="no scene named 'papper'"):
         Synth("papper", out=tmp_path / "q")()
+
+
+def test_fingers_replay_the_recordings_in_turn(tmp_path, shared):
+    names = ("cup1_right.bvh", "mug1_right.bvh")
+    recordings = tuple(shared / "data/manipnet" / name for name in names)
+    render = ClipCache(tmp_path, frames=30, recordings=recordings)
+    theta = [Truth.load(render("paper", seed) / "truth.npz").theta for seed in (0, 1)]
+    own = Truth.load(ClipCache(tmp_path, frames=30)("paper", 0) / "truth.npz").theta
+    assert np.abs(theta[0][-1] - own[-1]).max() > 0.1
+    assert np.abs(theta[0][-1] - theta[1][-1]).max() > 0.1
