@@ -6,13 +6,14 @@ in energy, is added up from look to look, as in a sequential test (Wald 1945). T
 the less is wanted: an unsure answer is better than none.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.camera import Camera
+from handtrack.evidence.candidates import Candidate
 from handtrack.evidence.evidence import see, window_around
 from handtrack.evidence.orientation import Image
 from handtrack.evidence.silhouette import Segmenter
@@ -55,14 +56,21 @@ class SearchedStart:
         self.waited = 0  # frames
         self.lead = 0.0  # what has spoken for the right hand so far
 
-    def __call__(self, image: Image, camera: Camera, rng: np.random.Generator) -> Start | None:
-        """A start in this frame, or None while none is good enough, or the side is not told."""
+    def __call__(
+        self,
+        image: Image,
+        candidates: Sequence[Candidate],
+        camera: Camera,
+        rng: np.random.Generator,
+    ) -> Start | None:
+        """A start on one of the frame's silhouettes, or None while none is good or no side told."""
         due = self.waited % self.settings.look_every == 0
         wanted = self.settings.min_lead * max(1 - self.waited / self.settings.patience, 0.0)
         self.waited += 1
         if not due:
             return None
-        found = {side: self._best(image, camera, side, rng) for side in self.sides}
+        likely = candidates[:SILHOUETTES]
+        found = {side: self._best(image, likely, camera, side, rng) for side in self.sides}
         starts = {side: start for side, start in found.items() if start is not None}
         good = {s for s, x in starts.items() if x.overlap >= self.settings.min_overlap}
         if not good:
@@ -74,14 +82,19 @@ class SearchedStart:
         return starts[ahead] if ahead in good and abs(self.lead) >= wanted else None
 
     def _best(
-        self, image: Image, camera: Camera, side: str, rng: np.random.Generator
+        self,
+        image: Image,
+        candidates: Sequence[Candidate],
+        camera: Camera,
+        side: str,
+        rng: np.random.Generator,
     ) -> Start | None:
         """The hand, as one side, that overlaps most with one of the frame's silhouettes."""
         flip = side == "left"
         picture = np.ascontiguousarray(image[:, ::-1]) if flip else image
         seen_by = camera.mirrored() if flip else camera
         starts = []
-        for candidate in Segmenter.bootstrap(image)[:SILHOUETTES]:
+        for candidate in candidates:
             mask = candidate.mask[:, ::-1] if flip else candidate.mask
             segmenter = Segmenter.from_mask(picture, mask)
             evidence = see(picture, window_around(mask), seen_by, segmenter)

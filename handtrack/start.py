@@ -6,7 +6,7 @@ axes), the pose and the side at once. Where no frame shows one, any silhouette i
 and the shape is calibrated when an open palm comes by.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -93,6 +93,7 @@ class StartSettings:
 
 def calibrated_start(
     image: NDArray[np.uint8],
+    candidates: Sequence[Candidate],
     camera: Camera,
     calibrate: Calibrate,
     default: HandShape,
@@ -131,10 +132,10 @@ def calibrated_start(
             quality=found.quality,
         )
 
-    candidates = Segmenter.bootstrap(image)[: settings.candidates]
     starts: list[Start] = []
-    for k in range(0, len(candidates), 2):
-        starts += [start for start in each(start_on, candidates[k : k + 2]) if start is not None]
+    likely = candidates[: settings.candidates]
+    for k in range(0, len(likely), 2):
+        starts += [start for start in each(start_on, likely[k : k + 2]) if start is not None]
         if any(start.overlap >= settings.clear for start in starts):
             break
     return max(starts, key=lambda start: start.overlap, default=None)

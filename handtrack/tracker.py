@@ -25,6 +25,7 @@ from handtrack.camera import Camera
 from handtrack.doubt import is_due, look_again, recover
 from handtrack.estimate import Estimate
 from handtrack.evidence.evidence import Evidence, see
+from handtrack.evidence.silhouette import Segmenter
 from handtrack.hand.shape import HandShape
 from handtrack.hand.space import ConfigurationSpace
 from handtrack.hand.space import default as default_space
@@ -151,9 +152,11 @@ class Tracker:
         s = self.settings
         start: Start | None = None
         default = self.given or HandShape.default()
+        candidates = Segmenter.bootstrap(image)
         if self.calibrate is not None:
             start = calibrated_start(
                 image,
+                candidates,
                 self.camera,
                 self.calibrate,
                 default,
@@ -166,7 +169,7 @@ class Tracker:
             self.search = self.search or SearchedStart(
                 self._searcher, default, self.side, s.facing, s.start
             )
-            start = self.search(image, self.camera, self.rng)
+            start = self.search(image, candidates, self.camera, self.rng)
         if start is not None:
             searcher = self._searcher(start.shape)
             method = self._method(start.shape, searcher)

@@ -25,7 +25,7 @@ class MadeUp(SearchedStart):
         self.made_up = {"right": right, "left": left}
         self.looks = 0
 
-    def _best(self, image, camera, side, rng):
+    def _best(self, image, candidates, camera, side, rng):
         if (found := self.made_up[side]) is None:
             return None
         self.looks += 1
@@ -38,7 +38,7 @@ def first(search: SearchedStart, frames: int = 40) -> tuple[int, str] | None:
     """The frame in which a track begins, and as which side."""
     rng = np.random.default_rng(0)
     for k in range(frames):
-        if (start := search(IMAGE, CAMERA, rng)) is not None:
+        if (start := search(IMAGE, (), CAMERA, rng)) is not None:
             return k, start.side
     return None
 
