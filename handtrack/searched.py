@@ -53,7 +53,8 @@ class SearchedStart:
         self.method, self.shape = make_method(shape), shape
         self.sides = ("right", "left") if side == "auto" else (side,)
         self.facing, self.settings = facing, settings
-        self.waited = 0  # frames
+        self.frame = 0
+        self.first: int | None = None  # frame in which something fitted first
         self.lead = 0.0  # what has spoken for the right hand so far
 
     def __call__(
@@ -64,10 +65,8 @@ class SearchedStart:
         rng: np.random.Generator,
     ) -> Start | None:
         """A start on one of the frame's silhouettes, or None while none is good or no side told."""
-        due = self.waited % self.settings.look_every == 0
-        wanted = self.settings.min_lead * max(1 - self.waited / self.settings.patience, 0.0)
-        self.waited += 1
-        if not due:
+        frame, self.frame = self.frame, self.frame + 1
+        if frame % self.settings.look_every:
             return None
         likely = candidates[:SILHOUETTES]
         found = {side: self._best(image, likely, camera, side, rng) for side in self.sides}
@@ -77,6 +76,8 @@ class SearchedStart:
             return None
         if len(self.sides) == 1:
             return starts[self.sides[0]]
+        self.first = frame if self.first is None else self.first
+        wanted = self.settings.min_lead * max(1 - (frame - self.first) / self.settings.patience, 0)
         self.lead += self._lead(starts)
         ahead = "right" if self.lead > 0 else "left"
         return starts[ahead] if ahead in good and abs(self.lead) >= wanted else None

@@ -86,7 +86,7 @@ class StartSettings:
     min_lead: float = 4.0
     """Units by which one side must lead in the first look; later ones want less."""
     patience: int = 20
-    """Frames after which whichever leads will do."""
+    """Frames after the first that a hand fits, from which on whichever side leads will do."""
     look_every: int = 5
     """Frames between two looks for a hand that is not open."""
 

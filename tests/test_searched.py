@@ -61,6 +61,16 @@ def test_an_unsure_answer_comes_when_patience_ends():
     assert found[1] == "right"
 
 
+def test_patience_begins_when_something_fits():
+    """A hand that comes late is looked at as closely as one that was there at once."""
+    search = MadeUp()
+    assert first(search, frames=60) is None
+    search.made_up = {"right": (0.930, 50.0), "left": (0.930, 50.5)}
+    found = first(search)
+    assert found is not None
+    assert found[0] > SETTINGS.look_every
+
+
 @pytest.mark.parametrize("poor", [None, (SETTINGS.min_overlap - 0.01, 10.0)])
 def test_what_does_not_fit_begins_nothing(poor):
     assert first(MadeUp(right=poor, left=poor)) is None
