@@ -113,11 +113,11 @@ def calibrate_hand(
     landmarks, seen = search_landmarks(mask, visible)
     if landmarks is None:
         return _refused(default, seen)
-    if start_quality(landmarks) < min_quality:
-        return _refused(default, Seen.HALF_OPEN)
     found = _side_shown(landmarks, facing)
     if side not in (None, found):
         return _refused(default, Seen.OTHER_SIDE)
+    if start_quality(landmarks) < min_quality:
+        return _refused(default, Seen.HALF_OPEN)
     if found == "left":
         mask, camera = mask[:, ::-1], camera.mirrored()
         landmarks, seen = search_landmarks(mask, None if visible is None else visible[:, ::-1])

@@ -90,12 +90,12 @@ def best_hand(
             window = window_around(candidate.mask, WINDOW_PX)
             evidence = see(image, window, camera, segmenter)
             result = calibrate_hand(
-                evidence.mask, evidence.camera, visible=evidence.visible, **options
-            )
-            good = result.ok and result.quality >= min_quality
-            seen = Seen.HALF_OPEN if result.ok and not good else result.status
-            search.refusals[seen] = search.refusals.get(seen, 0) + (not good)
-            if good and (search.found is None or result.quality > search.found.result.quality):
+                evidence.mask, evidence.camera, visible=evidence.visible,
+                min_quality=min_quality, **options,
+            )  # fmt: skip
+            if not result.ok:
+                search.refusals[result.status] = search.refusals.get(result.status, 0) + 1
+            elif search.found is None or result.quality > search.found.result.quality:
                 search.found = FoundHand(index, image, evidence, result)
         if search.found is not None and search.found.result.quality >= GOOD_ENOUGH:
             break

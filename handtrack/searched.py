@@ -60,15 +60,18 @@ class SearchedStart:
     def __call__(
         self,
         image: Image,
-        candidates: Sequence[Candidate],
+        silhouettes: Callable[[], Sequence[Candidate]],
         camera: Camera,
         rng: np.random.Generator,
     ) -> Start | None:
-        """A start on one of the frame's silhouettes, or None while none is good or no side told."""
+        """A start on one of the frame's silhouettes, or None while none is good or no side told.
+
+        ``silhouettes`` gives them, the likeliest first; not every frame asks for them.
+        """
         frame, self.frame = self.frame, self.frame + 1
         if frame % self.settings.look_every:
             return None
-        likely = candidates[:SILHOUETTES]
+        likely = silhouettes()[:SILHOUETTES]
         found = {side: self._best(image, likely, camera, side, rng) for side in self.sides}
         starts = {side: start for side, start in found.items() if start is not None}
         good = {s for s, x in starts.items() if x.overlap >= self.settings.min_overlap}

@@ -15,6 +15,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cache, partial
 from typing import Literal
 
 import cv2
@@ -152,11 +153,11 @@ class Tracker:
         s = self.settings
         start: Start | None = None
         default = self.given or HandShape.default()
-        candidates = Segmenter.bootstrap(image)
+        silhouettes = cache(partial(Segmenter.bootstrap, image))  # looked for once, if asked for
         if self.calibrate is not None:
             start = calibrated_start(
                 image,
-                candidates,
+                silhouettes(),
                 self.camera,
                 self.calibrate,
                 default,
@@ -169,7 +170,7 @@ class Tracker:
             self.search = self.search or SearchedStart(
                 self._searcher, default, self.side, s.facing, s.start
             )
-            start = self.search(image, candidates, self.camera, self.rng)
+            start = self.search(image, silhouettes, self.camera, self.rng)
         if start is not None:
             searcher = self._searcher(start.shape)
             method = self._method(start.shape, searcher)

@@ -20,9 +20,7 @@ class ClipCache:
 
     folder: Path
     frames: int | None = None  # cut or lengthen every clip to so many
-    recordings: tuple[
-        Path, ...
-    ] = ()  # that fingers replay, in turn by seed; none: as the scene says
+    recordings: tuple[Path, ...] = ()  # that fingers replay, in turn; none: as the scene says
 
     def __call__(self, condition: str, seed: int) -> Path:
         """The folder of ready scene ``condition``, its seed counted on from the scene's own."""

@@ -38,7 +38,7 @@ def first(search: SearchedStart, frames: int = 40) -> tuple[int, str] | None:
     """The frame in which a track begins, and as which side."""
     rng = np.random.default_rng(0)
     for k in range(frames):
-        if (start := search(IMAGE, (), CAMERA, rng)) is not None:
+        if (start := search(IMAGE, tuple, CAMERA, rng)) is not None:
             return k, start.side
     return None
 
