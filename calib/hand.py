@@ -1,4 +1,4 @@
-"""The shape of a hand, and its pose, from the silhouette of one frontal open palm.
+"""The shape of a hand, and its pose, from the silhouette of one open palm.
 
 Find the landmarks (:mod:`calib.landmarks`), then one least-squares fit of shape and pose
 (:mod:`calib.parameters`, unknowns ``z`` with prior ``|z|^2``) to what they label::
@@ -9,7 +9,8 @@ Find the landmarks (:mod:`calib.landmarks`), then one least-squares fit of shape
     wrist:               the neck of the outline                           8 % across, 12 % along
 
 Outline residuals are robust (pseudo-Huber). Because a point of the outline only ever meets its own
-digit, the fit cannot lock on one finger over.
+digit, the fit cannot lock on one finger over. The palm is taken for frontal; where that strains at
+its prior the fit is done again with the tilt let free, which must gain ``TILT_EVIDENCE``.
 
 One camera cannot see size: the palm (wrist to middle MCP) keeps the default's length unless the
 length of the hand, wrist to middle tip, is given. A left hand is flipped first and comes back as
@@ -247,5 +248,5 @@ def _shape(hand: Hands, default: HandShape) -> HandShape:
         radius_mm=hand.radius_mm[0],
         palm_radius_mm=default.palm_radius_mm * thickness,
         calibrated=True,
-        source="calibrated from the silhouette of a frontal open palm",
+        source="calibrated from the silhouette of an open palm",
     )
