@@ -25,7 +25,7 @@ from handtrack.evidence.silhouette import Segmenter
 from handtrack.in_track import Track
 from handtrack.judge import JudgeSettings, outline_seen, overlap
 from handtrack.refine.view import View
-from handtrack.seeds import facing_of, find_hand
+from handtrack.seeds import facing_of, find_hand, hypotheses_of
 
 #: A lost hand is looked for in one frame of so many.
 RECOVER_EVERY = 3
@@ -94,9 +94,10 @@ def look_again(
     """The estimate and its overlap, or those of a hand that explains the frame better."""
     question = Question.of(track, estimate, agreement, judge, facing)
     track.side_looks -= question.guessed
+    hypotheses = hypotheses_of(view, track.searcher, track.anchor)
     found = find_hand(
         view, track.searcher, ("palm", "back"), rng,
-        known=track.anchor, usual=question.usual, facing_cost=question.cost,
+        known=track.anchor, usual=question.usual, facing_cost=question.cost, hypotheses=hypotheses,
     )  # fmt: skip
     if found is None:
         return estimate, agreement
@@ -183,9 +184,11 @@ def recover(
     anything = segmenter.find(image) or Segmenter.bootstrap(image, segmenter.background)
     for candidate in anything[:2]:
         evidence = see(image, window_around(candidate.mask), camera, segmenter)
+        view = View.of(evidence)
         found = find_hand(
-            View.of(evidence), track.searcher, ("palm", "back"), rng,
+            view, track.searcher, ("palm", "back"), rng,
             known=track.anchor, usual=facing, facing_cost=judge.facing_cost,
+            hypotheses=hypotheses_of(view, track.searcher, track.anchor),
         )  # fmt: skip
         if found is not None and found[1] > judge.tracked_overlap:
             track.found_again(found[0])

@@ -23,11 +23,13 @@ from handtrack import rotation
 from handtrack.estimate import Estimate
 from handtrack.hand.capsules import CapsuleHand
 from handtrack.hand.shape import HandShape
+from handtrack.hand.skeleton import LIMITS
 from handtrack.hand.space import ConfigurationSpace
 from handtrack.hand.surface import Capsules, Surface
 from handtrack.layers import Cloud, Workings
 from handtrack.palm.orthographic import other_tilt
 from handtrack.parallel import both
+from handtrack.proposer.network import Hypotheses
 from handtrack.records import Pose
 from handtrack.refine.digits import digit_lines, off_line_precision
 from handtrack.refine.facing import Facing
@@ -86,6 +88,10 @@ class RefinedSettings:
     """Factor on the covariance of the configuration space off the digits' lines."""
     floor_deg: float = 6.0
     """Standard deviation added to it in every direction."""
+    told: float = 0.35
+    """Share of what the proposer says its angles are worth that is believed."""
+    told_share: float = 0.5
+    """Share of the proposals of whole hands that are the proposer's, not basis states."""
     spread: float = 1.5
     """Factor on the stated standard deviations, fitted on the benchmark's `clean` and `turning`."""
     energy: RefineSettings = field(default_factory=RefineSettings)
@@ -108,6 +114,7 @@ class RefinedMethod:
         self.lines = digit_lines(space)
         self.precision = off_line_precision(space, self.lines, settings.widen, settings.floor_deg)
         self.facing = Facing(settings.facing_frames)
+        self.told: tuple[Array, Array] | None = None  # angles and spread, from the picture
 
     def prior(self, predicted: Estimate, loose: float = 1.0) -> Prior:
         """Prior about a prediction; ``loose`` multiplies its standard deviations.
@@ -118,6 +125,9 @@ class RefinedMethod:
         turn, shift = np.radians(s.turn_std_deg) * loose, s.shift_std_mm * loose
         depth = s.depth_std_mm * loose
         facing_std = np.radians(s.facing_std_deg) if loose == 1.0 else 0.0
+        told, told_weight = predicted.theta, np.zeros(20)
+        if loose == 1.0 and self.told is not None:
+            told, told_weight = self.told[0], s.told / self.told[1] ** 2
         return Prior(
             lines=self.lines,
             precision=self.precision,
@@ -128,10 +138,23 @@ class RefinedMethod:
             between=s.between,
             facing=self.facing.normal,
             facing_weight=self.facing.weight / facing_std**2 if facing_std > 0 else 0.0,
+            told=told,
+            told_weight=told_weight,
         )
 
-    def follow(self, view: View, predicted: Estimate, rng: np.random.Generator) -> Estimate:
-        """The hand in this frame, from where it was expected."""
+    def follow(
+        self,
+        view: View,
+        predicted: Estimate,
+        rng: np.random.Generator,
+        hypotheses: Hypotheses | None = None,
+    ) -> Estimate:
+        """The hand in this frame, from where it was expected.
+
+        ``hypotheses`` of this frame, or else those of the last that had any, say how fingers bend.
+        """
+        if hypotheses is not None:
+            self.told = hypotheses.angles(predicted.pose.R)
         s, start = self.settings, self.moved(view, predicted)
         found, self.workings = self._near(view, replace(predicted, pose=start), rng)
         if rng.random() < s.tilt_share:
@@ -174,6 +197,7 @@ class RefinedMethod:
     def restart(self, estimate: Estimate, sure: bool = False) -> None:
         """The palm faces as in ``estimate``, if that is sure; else its past may be forgotten."""
         self.facing.begin(estimate.pose.R[:, 2], known=sure)
+        self.told = None
 
     def settle(self, view: View, seed: Estimate) -> Estimate:
         """Slide a seed of unknown quality into the nearest minimum."""
@@ -223,8 +247,11 @@ class RefinedMethod:
         """The best of ``best`` and of whole hands at basis states or with a pitched palm."""
         s, refine = self.settings, self.refiner
         for _ in range(s.snaps):
-            snap = snapped(best.theta, self.lines, self.precision, rng)
-            palm = refine(view, best.pose, snap, prior, s.palm_steps, free="palm")
+            if self.told is not None and rng.random() < s.told_share:
+                whole = np.clip(self.told[0], *LIMITS.T)
+            else:
+                whole = snapped(best.theta, self.lines, self.precision, rng)
+            palm = refine(view, best.pose, whole, prior, s.palm_steps, free="palm")
             tried = refine(view, palm.pose, palm.theta, prior, s.snap_steps)
             best = min(best, tried, key=lambda r: r.energy)
         for _ in range(s.pitches):

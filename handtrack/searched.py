@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.camera import Camera
+from handtrack.estimate import Estimate
 from handtrack.evidence.candidates import Candidate
 from handtrack.evidence.evidence import see, window_around
 from handtrack.evidence.orientation import Image
@@ -20,7 +21,7 @@ from handtrack.evidence.silhouette import Segmenter
 from handtrack.hand.shape import HandShape
 from handtrack.refine.view import View
 from handtrack.refined import RefinedMethod
-from handtrack.seeds import find_hand
+from handtrack.seeds import find_hand, hypotheses_of
 from handtrack.start import Start, StartSettings
 
 #: Silhouettes of a frame in which the hand is sought.
@@ -104,9 +105,17 @@ class SearchedStart:
             evidence = see(picture, window_around(mask), seen_by, segmenter)
             if solidity(evidence.mask) > self.settings.max_solidity:
                 continue  # a fist fits any round thing: wait for a finger
-            found = find_hand(View.of(evidence), self.method, (self.facing,), rng)
-            if found is not None:
-                starts.append(Start(self.shape, found[0], side, segmenter, found[1], 0.0))
+            view = View.of(evidence)
+            told = hypotheses_of(view, self.method)
+            found = find_hand(view, self.method, (self.facing,), rng, hypotheses=told)
+            if found is None or told is None:
+                continue
+            if share_in_frame(self.method, found[0], view) < self.settings.min_in_frame:
+                continue
+            worth = told.log_density(found[0].theta, found[0].pose.R)
+            starts.append(
+                Start(self.shape, found[0], side, segmenter, found[1], 0.0, likelihood=worth)
+            )
         return max(starts, key=lambda start: start.overlap, default=None)
 
     def _lead(self, starts: dict[str, Start]) -> float:
@@ -117,7 +126,17 @@ class SearchedStart:
         right, left = starts["right"], starts["left"]
         closer = (right.overlap - left.overlap) / s.closer
         cheaper = (left.estimate.energy - right.estimate.energy) / s.cheaper
-        return float(np.clip(closer + cheaper, -2 * s.min_lead, 2 * s.min_lead))
+        likelier = (right.likelihood - left.likelihood) / s.likelier
+        return float(np.clip(closer + cheaper + likelier, -2 * s.min_lead, 2 * s.min_lead))
+
+
+def share_in_frame(method: RefinedMethod, estimate: Estimate, view: View) -> float:
+    """Share of a hand's joints and tips that lie inside the frame."""
+    pose = estimate.pose
+    circles = method.hand.circles_px(estimate.theta[None], pose.R, pose.t_mm, view.intrinsics)[0]
+    x0, y0, x1, y1 = view.valid
+    x, y = circles[:, 0], circles[:, 1]
+    return float(np.mean((x >= x0) & (x < x1) & (y >= y0) & (y < y1)))
 
 
 def solidity(mask: NDArray[np.bool_]) -> float:

@@ -18,9 +18,12 @@ from numpy.typing import NDArray
 from handtrack import rotation
 from handtrack.estimate import Estimate
 from handtrack.fingers.silhouette import SilhouetteBits, capsule_overlap
+from handtrack.hand.skeleton import LIMITS
 from handtrack.hand.space import ConfigurationSpace
 from handtrack.judge import outline_seen
 from handtrack.parallel import each
+from handtrack.proposer.network import PLACED, Hypotheses, propose
+from handtrack.proposer.picture import PALM_PER_DISC, Square
 from handtrack.records import Pose
 from handtrack.refine.view import View
 from handtrack.refined import RefinedMethod
@@ -28,6 +31,9 @@ from handtrack.refined import RefinedMethod
 Array = NDArray[np.float64]
 #: Rotation of a palm that faces the camera, fingers up; and of the back of a hand.
 FACING = {"palm": np.diag([1.0, -1.0, -1.0]), "back": np.diag([-1.0, -1.0, 1.0])}
+
+#: Turns in which a hand is shown to the network whose direction is not known.
+QUARTERS = np.radians([0.0, 90.0, 180.0, 270.0])
 
 #: Parts in which the seeds are scored side by side.
 SCORED_IN = 4
@@ -40,9 +46,9 @@ MAX_DEPTH_RATIO = 1.5
 class SeedSettings:
     """How many seeds, and how many of them survive each round."""
 
-    seeds: int = 2500
+    seeds: int = 800
     """Seeds that are scored by overlap."""
-    kept: int = 16
+    kept: int = 10
     """Seeds that are refined a little."""
     finalists: int = 4
     """Of those, how many are swept and refined to the end."""
@@ -57,6 +63,12 @@ class SeedSettings:
     with the one that leaves most: below the wrist nothing costs energy."""
     depth_std: float = 0.12
     """Spread of the depth, relative."""
+    proposed: float = 0.5
+    """Share of the seeds that the network proposes."""
+    proposed_kept: int = 6
+    """Of those that are refined a little, at least so many are proposed."""
+    told: float = 0.5
+    """Energy per unit of the network's log density, where finalists are compared."""
 
 
 def find_hand(
@@ -68,6 +80,7 @@ def find_hand(
     known: Estimate | None = None,
     usual: str = "palm",
     facing_cost: float = 0.0,
+    hypotheses: Hypotheses | None = None,
 ) -> tuple[Estimate, float] | None:
     """The best estimate in a silhouette, and its overlap; None where there is no silhouette.
 
@@ -82,14 +95,24 @@ def find_hand(
     bits = SilhouetteBits.of(view)
     line_mm = method.settings.energy.wrist_line_mm
     theta, R, t = draw_seeds(view, method, discs, facings, rng, settings, known)
+    allowed = hypotheses.facing(facings) if hypotheses is not None else None
+    proposed = int(settings.proposed * len(theta)) if allowed is not None else 0
+    if allowed is not None:
+        seeds = allowed.draw(proposed, view.intrinsics, method.shape.palm_length_mm, rng)
+        for drawn, by_network in zip((theta, R, t), seeds, strict=True):
+            drawn[-proposed:] = by_network
+        theta[-proposed:] = np.clip(theta[-proposed:], *LIMITS.T)
     overlap_of = partial(capsule_overlap, method.hand)
     shared = repeat(view.intrinsics), repeat(bits), repeat(line_mm)
     parts = (np.array_split(a, SCORED_IN) for a in (theta, R, t))
     score = np.concatenate(each(overlap_of, *parts, *shared))
     std = np.full(20, np.radians(30.0))
-    starts = [
-        Estimate(Pose(R[k], t[k]), theta[k], std) for k in diverse(score, R, theta, settings.kept)
-    ]
+    few = settings.proposed_kept if proposed else 0
+    best = diverse(score, R, theta, settings.kept - few)
+    if few:
+        tail = np.arange(len(theta) - proposed, len(theta))
+        best += [int(tail[k]) for k in diverse(score[tail], R[tail], theta[tail], few)]
+    starts = [Estimate(Pose(R[k], t[k]), theta[k], std) for k in dict.fromkeys(best)]
     found = each(method.settle, repeat(view), starts)
     agreement = overlaps(view, method, found, bits)
     order = finalists_of(agreement, found, settings.finalists)
@@ -101,9 +124,46 @@ def find_hand(
     seen = np.array([outline_seen(e, view, line_mm) for e in finalists])
     full = seen >= settings.outline_share * seen.max()
     near &= full | ~(near & full).any()  # none of the best may be full
-    cost = [e.energy + facing_cost * (facing_of(e) != usual) for e in finalists]
-    best = int(np.argmin(np.where(near, cost, np.inf)))
-    return finalists[best], float(agreement[best])
+    cost = np.array([e.energy + facing_cost * (facing_of(e) != usual) for e in finalists])
+    if hypotheses is not None:
+        told = [hypotheses.log_density(e.theta, e.pose.R) for e in finalists]
+        cost -= settings.told * np.array(told)
+    chosen = int(np.argmin(np.where(near, cost, np.inf)))
+    return finalists[chosen], float(agreement[chosen])
+
+
+def hypotheses_of(
+    view: View, method: RefinedMethod, known: Estimate | None = None
+) -> Hypotheses | None:
+    """What the network makes of the silhouette about its discs, and about a known hand.
+
+    It sees the hand upright, as far as that is known. None where there is no silhouette.
+    """
+    discs = largest_discs(view)
+    if not discs:
+        return None
+    towards = fingers_from(view, known)
+    turns = QUARTERS if towards is None else np.array([towards])
+    squares = [Square(centre, radius, t) for centre, radius in discs for t in turns]
+    if known is not None:
+        squares.append(square_about(view, method, known))
+    mask = view.sdf < 0
+    return Hypotheses.joined([propose(view.grey, mask, s, view.intrinsics) for s in squares])
+
+
+def near(view: View, method: RefinedMethod, known: Estimate) -> Hypotheses:
+    """What the network makes of the silhouette about a known hand alone."""
+    square = square_about(view, method, known)
+    return propose(view.grey, view.sdf < 0, square, view.intrinsics)
+
+
+def square_about(view: View, method: RefinedMethod, known: Estimate) -> Square:
+    """The square in which the network expects a known hand."""
+    fx, fy, cx, cy = view.intrinsics
+    length = method.shape.palm_length_mm
+    x, y, z = known.pose @ np.array([0.0, PLACED * length, 0.0])
+    at = np.array([fx * x / z + cx, fy * y / z + cy])
+    return Square(at, fx * length / z / PALM_PER_DISC, fingers_from(view, known) or 0.0)
 
 
 def finalists_of(agreement: Array, found: list[Estimate], most: int) -> list[int]:
@@ -191,13 +251,16 @@ def draw_directions(view: View, n: int, rng: np.random.Generator, known: Estimat
     Arms do not turn over: about a known direction, or else away from where the silhouette leaves
     the frame, the angles are within 100 deg; with neither, anywhere.
     """
-    if known is not None:
-        x, y = known.pose.R[0, 1], known.pose.R[1, 1]
-    else:
-        x, y = from_the_border(view)
-    if x == 0 and y == 0:
+    towards = fingers_from(view, known)
+    if towards is None:
         return rng.uniform(-np.pi, np.pi, n)
-    return np.asarray(np.arctan2(x, -y) + rng.uniform(-1, 1, n) * np.radians(100))
+    return np.asarray(towards + rng.uniform(-1, 1, n) * np.radians(100))
+
+
+def fingers_from(view: View, known: Estimate | None) -> float | None:
+    """The angle in the image, from straight up, to which fingers point, or None if unknown."""
+    x, y = from_the_border(view) if known is None else known.pose.R[:2, 1]
+    return None if x == 0 and y == 0 else float(np.arctan2(x, -y))
 
 
 def from_the_border(view: View) -> tuple[float, float]:

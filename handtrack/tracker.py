@@ -39,7 +39,7 @@ from handtrack.refine.view import View
 from handtrack.refined import RefinedMethod, RefinedSettings
 from handtrack.report import result_of
 from handtrack.searched import SearchedStart
-from handtrack.seeds import facing_of
+from handtrack.seeds import facing_of, near
 from handtrack.start import (
     Calibrate,
     Start,
@@ -50,6 +50,8 @@ from handtrack.start import (
 from handtrack.window import window_for
 
 Image = NDArray[np.uint8]
+#: The proposer is asked about a hand in track in one frame of so many.
+ASK_EVERY = 2
 
 
 @dataclass(frozen=True)
@@ -192,7 +194,9 @@ class Tracker:
             predicted = track.predicted()
             evidence, view = self._see(image, track, predicted)
         with self._timed("method"):
-            estimate = track.method.follow(view, predicted, self.rng)
+            asked = track.method is track.searcher and frame.index % ASK_EVERY == 0
+            told = near(view, track.searcher, predicted) if asked else None
+            estimate = track.method.follow(view, predicted, self.rng, told)
             workings = track.method.workings
         with self._timed("judge"):
             agreement = overlap(track.searcher.hand, estimate, view, judge.wrist_line_mm)

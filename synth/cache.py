@@ -52,6 +52,8 @@ def key_of(scene: Scene) -> str:
 def _program() -> str:
     files = sorted(p for p in _SOURCES.rglob("*") if p.suffix in (".py", ".toml"))
     drawing = [
-        p for p in files if p.parent.name != "scenes" and p.stem not in ("commands", "cache")
+        p
+        for p in files
+        if p.parent.name != "scenes" and p.stem not in ("commands", "cache", "pictures")
     ]
     return hashlib.sha256(b"".join(p.read_bytes() for p in drawing)).hexdigest()

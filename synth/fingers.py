@@ -4,6 +4,7 @@
 way from one to the next is a straight line in angle space, timed by minimum jerk.
 """
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -83,6 +84,11 @@ def _pattern(rng: np.random.Generator) -> list[bool]:
             return bits
 
 
+def some_state(rng: np.random.Generator) -> Array:
+    """Angles ``(20,)`` of any of the states, as people differ in it."""
+    return _state(rng, _pattern(rng))
+
+
 def _other_pattern(rng: np.random.Generator, bits: list[bool]) -> list[bool]:
     while (new := _pattern(rng)) == bits:
         pass
@@ -105,7 +111,7 @@ def replay(rng: np.random.Generator, clock: Array, length: float, source: str) -
     source : str
         A recording (``.json`` of Leap, ``.bvh`` of ManipNet); empty for what is shipped.
     """
-    theta = _continuous(_recorded(source))
+    theta = _continuous(recorded(source))
     needed = int(length * _RATE_HZ) + 2
     theta = np.tile(theta, (needed // len(theta) + 2, 1))
     first = int(rng.integers(0, len(theta) - needed))
@@ -116,8 +122,9 @@ def replay(rng: np.random.Generator, clock: Array, length: float, source: str) -
     return np.radians(OPEN_DEG) * (1 - blend) + values * blend
 
 
-def _recorded(source: str) -> Array:
-    """Angles ``(n, 20)`` at the working rate."""
+@cache
+def recorded(source: str) -> Array:
+    """Angles ``(n, 20)``, radians, of a recording (as in :func:`replay`) at the working rate."""
     if not source:
         recording: Recording = shipped_motion()
     elif (reader := _READERS.get(Path(source).suffix)) is None:

@@ -146,16 +146,18 @@ def _forearm(body: _Flesh, hand: HandSpec, length_mm: float) -> None:
         body.cone(a * (0.3, 1, 1), h0 * 0.9, b * (0.3, 1, 1), h1 * 0.95)
 
 
-def rest_mesh(hand: HandSpec, forearm_mm: float = FOREARM_LENGTH_MM) -> Mesh:
-    """Mesh the hand with a forearm of ``forearm_mm`` beyond the wrist."""
+def rest_mesh(
+    hand: HandSpec, forearm_mm: float = FOREARM_LENGTH_MM, voxel_mm: float = VOXEL_MM
+) -> Mesh:
+    """Mesh the hand with a forearm of ``forearm_mm`` beyond the wrist, in steps of ``voxel_mm``."""
     cones, part, blend = flesh(hand, forearm_mm)
     low = np.min(np.minimum(cones[:, :3] - cones[:, 3:4], cones[:, 4:7] - cones[:, 7:]), axis=0)
     high = np.max(np.maximum(cones[:, :3] + cones[:, 3:4], cones[:, 4:7] + cones[:, 7:]), axis=0)
-    low, high = low - 4 * VOXEL_MM, high + 4 * VOXEL_MM
-    size = np.ceil((high - low) / VOXEL_MM).astype(int) + 1
+    low, high = low - 4 * voxel_mm, high + 4 * voxel_mm
+    size = np.ceil((high - low) / voxel_mm).astype(int) + 1
     field = np.empty(tuple(size), np.float32)
-    _fill(field, low, VOXEL_MM, cones, part, blend)
-    vertices, faces, _, _ = marching_cubes(field, 0.0, spacing=(VOXEL_MM,) * 3)
+    _fill(field, low, voxel_mm, cones, part, blend)
+    vertices, faces, _, _ = marching_cubes(field, 0.0, spacing=(voxel_mm,) * 3)
     return Mesh(vertices.astype(float) + low, faces.astype(np.int32))
 
 

@@ -8,8 +8,11 @@ import pytest
 from handtrack.camera import Camera
 from handtrack.estimate import Estimate
 from handtrack.hand.shape import HandShape
+from handtrack.hand.space import default as default_space
 from handtrack.records import Pose
-from handtrack.searched import SearchedStart, solidity
+from handtrack.refine.view import View
+from handtrack.refined import RefinedMethod, RefinedSettings
+from handtrack.searched import SearchedStart, share_in_frame, solidity
 from handtrack.start import Start, StartSettings
 
 CAMERA = Camera.assumed_for(64, 48)
@@ -18,7 +21,7 @@ SETTINGS = StartSettings()
 
 
 class MadeUp(SearchedStart):
-    """Looks that find ``(overlap, energy)`` of each side, the same in every frame."""
+    """Looks that find ``(overlap, energy, likelihood)`` of each side, the same in every frame."""
 
     def __init__(self, right=None, left=None, side="auto") -> None:
         super().__init__(lambda shape: None, HandShape.default(), side, "palm", SETTINGS)
@@ -29,9 +32,10 @@ class MadeUp(SearchedStart):
         if (found := self.made_up[side]) is None:
             return None
         self.looks += 1
-        overlap, energy = found
+        overlap, energy, likelihood = (*found, 0.0)[:3]
         estimate = Estimate(Pose(np.eye(3), np.zeros(3)), np.zeros(20), np.ones(20))
-        return Start(self.shape, replace(estimate, energy=energy), side, None, overlap, 0.0)
+        estimate = replace(estimate, energy=energy)
+        return Start(self.shape, estimate, side, None, overlap, 0.0, likelihood)
 
 
 def first(search: SearchedStart, frames: int = 40) -> tuple[int, str] | None:
@@ -85,3 +89,28 @@ def test_looks_are_made_now_and_then():
 
 def test_solidity_of_nothing_is_one():
     assert solidity(np.zeros((5, 5), bool)) == 1.0
+
+
+def test_what_the_proposer_finds_likelier_leads():
+    assert first(MadeUp(right=(0.93, 50.0, 10.0), left=(0.93, 50.0, 1.0))) == (0, "right")
+    assert first(MadeUp(right=(0.93, 50.0, 1.0), left=(0.93, 50.0, 10.0))) == (0, "left")
+
+
+def test_a_hand_whose_fingers_leave_the_frame_is_no_start():
+    method = RefinedMethod(HandShape.default(), default_space(), RefinedSettings())
+    nothing = np.zeros((48, 64), np.float32)
+    view = View(
+        contour=np.empty((0, 2)), normal=np.empty((0, 2)), inner=np.empty((0, 5)), sdf=nothing,
+        edge_strength=nothing, edge_x=nothing, edge_y=nothing,
+        intrinsics=np.array([100.0, 100.0, 32.0, 24.0]), valid=np.array([0.0, 0.0, 64.0, 48.0]),
+        grey=nothing.astype(np.uint8),
+    )  # fmt: skip
+    upright = np.diag([1.0, -1.0, -1.0])
+
+    def share(y_mm: float) -> float:
+        pose = Pose(upright, np.array([0.0, y_mm, 500.0]))
+        return share_in_frame(method, Estimate(pose, np.zeros(20), np.ones(20)), view)
+
+    assert share(90.0) == 1.0
+    assert share(-40.0) < SETTINGS.min_in_frame < 1.0
+    assert share(-400.0) == 0.0

@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 #: A motion of many standard deviations costs no more than this: fingers stop and start, and a
 #: palm, heavier, does so less.
 FINGER_TAIL, PALM_TAIL = 4.0, 25.0
+#: And one that is told of no more than this.
+TOLD_TAIL = 4.0
 #: And a palm that faces another way than of late costs no more than this.
 FACING_TAIL = 4.0
 
@@ -45,6 +47,8 @@ class Prior:
     between: float  # b, energy of a finger half-way along its line
     facing: Array  # (3,) where the palm has faced of late, camera frame
     facing_weight: float  # 1 / rad^2
+    told: Array  # (20,) angles as the proposer tells them from the picture
+    told_weight: Array  # (20,) 1 / rad^2
 
     def __post_init__(self) -> None:
         freeze_arrays(self)
@@ -54,7 +58,7 @@ class Prior:
         """What the kernels take; copies, since they are compiled for writable arrays only."""
         arrays = (
             self.lines, self.precision, self.angle, self.angle_weight,
-            self.pose.R, self.pose.t_mm, self.pose_weight, self.facing,
+            self.pose.R, self.pose.t_mm, self.pose_weight, self.facing, self.told, self.told_weight,
         )  # fmt: skip
         return *map(np.array, arrays), float(self.between), float(self.facing_weight)
 
@@ -122,10 +126,12 @@ def heavy_tailed(q, r, weight, tail, H, g):  # type: ignore[no-untyped-def]
 def digit_prior(d, theta, prior, limits, limit_std, H, g):  # type: ignore[no-untyped-def]
     """The prior's terms of one digit: its line, its last angles, its limits."""
     lines, precision, angle, angle_weight = prior[0], prior[1], prior[2], prior[3]
-    between = prior[8] if d > 0 else 0.0  # a thumb has no such ends
+    told, told_weight = prior[8], prior[9]
+    between = prior[10] if d > 0 else 0.0  # a thumb has no such ends
     energy = line_energy(d, theta, lines[d], precision[d], between, H, g)
     for a in range(4 * d, 4 * d + 4):
         energy += heavy_tailed(6 + a, theta[a] - angle[a], angle_weight[a], FINGER_TAIL, H, g)
+        energy += heavy_tailed(6 + a, theta[a] - told[a], told_weight[a], TOLD_TAIL, H, g)
         excess = min(theta[a] - limits[a, 0], 0.0) + max(theta[a] - limits[a, 1], 0.0)
         energy += (excess / limit_std) ** 2
         if len(g) and excess != 0.0:
@@ -143,7 +149,7 @@ def prior_energy(R, t, theta, prior, limits, limit_std, H, g):  # type: ignore[n
     for q in range(3):
         energy += heavy_tailed(q, turn[q], pose_weight[q], PALM_TAIL, H, g)
         energy += heavy_tailed(3 + q, t[q] - t0[q], pose_weight[3 + q], PALM_TAIL, H, g)
-    energy += facing_energy(R[:, 2], prior[7], prior[9], H, g)
+    energy += facing_energy(R[:, 2], prior[7], prior[11], H, g)
     for d in range(5):
         energy += digit_prior(d, theta, prior, limits, limit_std, H, g)
     return energy

@@ -39,6 +39,8 @@ class View:
         ``fx, fy, cx, cy`` of the window.
     valid : (4,)
         ``x0, y0, x1, y1`` of the window's pixels that lie inside the frame.
+    grey : (h, w)
+        Brightness.
     """
 
     contour: NDArray[np.float64]
@@ -50,6 +52,7 @@ class View:
     edge_y: NDArray[np.float32]
     intrinsics: Array
     valid: Array
+    grey: NDArray[np.uint8]
 
     @classmethod
     def of(cls, evidence: Evidence, points: int = 170) -> "View":
@@ -58,7 +61,8 @@ class View:
         camera = evidence.camera
         visible = evidence.visible
         y, x = np.flatnonzero(visible.any(axis=1)), np.flatnonzero(visible.any(axis=0))
-        darker = towards_dark(evidence.image)
+        grey = np.asarray(cv2.cvtColor(evidence.image, cv2.COLOR_RGB2GRAY), np.uint8)
+        darker = towards_dark(grey)
         along = evidence.edge_x * darker[0] + evidence.edge_y * darker[1]
         sign = np.where(along < 0, -1, 1).astype(np.float32)
         empty = len(x) == 0
@@ -72,6 +76,7 @@ class View:
             edge_y=evidence.edge_y * sign,
             intrinsics=np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px]),
             valid=np.array([0, 0, 0, 0] if empty else [x[0], y[0], x[-1] + 1, y[-1] + 1], float),
+            grey=grey,
         )
 
     def wrist_line(self, pose: Pose, wrist_y_mm: float) -> tuple[Array, Array]:
@@ -132,10 +137,10 @@ def weighted_kernel(points, R, t, K, wrist_y):  # type: ignore[no-untyped-def]
     return out
 
 
-def towards_dark(image: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Minus the gradient of the brightness of an RGB image, x and y ``(h, w)``."""
-    grey = cv2.GaussianBlur(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32), (3, 3), 0.8)
-    x, y = cv2.Sobel(grey, cv2.CV_32F, 1, 0), cv2.Sobel(grey, cv2.CV_32F, 0, 1)
+def towards_dark(grey: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Minus the gradient of a brightness ``(h, w)``, x and y alike."""
+    smooth = cv2.GaussianBlur(grey.astype(np.float32), (3, 3), 0.8)
+    x, y = cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1)
     return -x.astype(np.float32, copy=False), -y.astype(np.float32, copy=False)
 
 

@@ -85,6 +85,7 @@ def seen() -> tuple[View, np.ndarray]:
         edge_strength=np.clip(norm / norm.max(), 0, 1),
         edge_x=-gx / np.maximum(norm, 1e-6), edge_y=-gy / np.maximum(norm, 1e-6),
         intrinsics=K, valid=np.array([0.0, 0.0, SIDE, SIDE]),
+        grey=np.zeros((SIDE, SIDE), np.uint8),
     )  # fmt: skip
     return view, theta
 

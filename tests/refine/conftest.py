@@ -47,6 +47,7 @@ def view_of_distance(sdf: np.ndarray) -> View:
         edge_y=nothing,
         intrinsics=K,
         valid=np.array([0.0, 0.0, SIDE, SIDE]),
+        grey=np.zeros(sdf.shape, np.uint8),
     )
 
 

@@ -37,7 +37,11 @@ def test_prior_gradient_by_finite_differences(method: RefinedMethod, view: View,
     rng = np.random.default_rng(0)
     elsewhere = Estimate(pose, theta + 0.05 * rng.normal(size=20), np.full(20, 0.1))
     prior = replace(
-        method.prior(elsewhere), facing=np.array([0.1, -0.05, -1.0]), facing_weight=90.0
+        method.prior(elsewhere),
+        facing=np.array([0.1, -0.05, -1.0]),
+        facing_weight=90.0,
+        told=theta + 0.1,
+        told_weight=np.linspace(0.0, 40.0, 20),
     )
     shift = np.array([1.0, -2.0, 3.0])
     turned = Pose(rotation.exp([0.004, -0.003, 0.005]) @ pose.R, pose.t_mm + shift)
@@ -45,6 +49,7 @@ def test_prior_gradient_by_finite_differences(method: RefinedMethod, view: View,
         contour=np.empty((0, 2)), normal=np.empty((0, 2)), inner=np.empty((0, 5)), sdf=view.sdf,
         edge_strength=view.edge_strength, edge_x=view.edge_x, edge_y=view.edge_y,
         intrinsics=view.intrinsics, valid=np.zeros(4),
+        grey=view.grey,
     )  # fmt: skip
     energy, g, _ = terms(method, blind, turned, theta, prior)
     step = 1e-5

@@ -1,0 +1,131 @@
+"""What the proposer's network learns from: rendered pictures, made as bad as real ones.
+
+The silhouette is eaten at, thickened, bitten into, cut at a sleeve or at the frame; brightness is
+bent, noisy, blurred, with a gradient across; the square is not quite where it should be and turned.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack import rotation
+from handtrack.proposer.network import towards_ray
+from handtrack.proposer.picture import PALM_PER_DISC, Square, picture_of
+from synth.pictures import PALM_PX, SIDE_PX, Picture
+
+Array = NDArray[np.float64]
+Float = NDArray[np.float32]
+Mask = NDArray[np.uint8]
+
+#: A silhouette of fewer pixels teaches nothing.
+FEWEST_PX = 300
+_OPERATIONS = (cv2.MORPH_DILATE, cv2.MORPH_ERODE, cv2.MORPH_OPEN, cv2.MORPH_CLOSE)
+_Y, _X = np.mgrid[:SIDE_PX, :SIDE_PX].astype(np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class Lesson:
+    """What the network sees, and what it should say."""
+
+    seen: Float  # (2, side, side)
+    theta: Float  # (20,) radians
+    R: Float  # (3, 3) palm to camera, as if the palm lay on the square's axis
+    place: Float  # (3,) where the palm lies over the disc's radius, and log of its length over that
+
+
+def lesson_from(picture: Picture, rng: np.random.Generator) -> Lesson:
+    """A lesson, other every time."""
+    mask = (picture.alpha > 128).astype(np.uint8)
+    for spoil, share in _SPOILS:
+        if rng.random() < share:
+            spoiled = spoil(mask, picture, rng)
+            mask = spoiled if cv2.countNonZero(spoiled) > FEWEST_PX else mask
+    square = _square(mask, picture, rng)
+    seen = picture_of(_exposed(picture, rng), mask > 0, square)
+    ray = (picture.at_px - (SIDE_PX - 1) / 2) / picture.focal_px
+    back = rotation.about_z(-square.turn)
+    R = back @ towards_ray(ray).T @ picture.R
+    at = back[:2, :2] @ (picture.at_px - square.centre_px) / square.radius_px
+    place = np.array([*at, np.log(PALM_PX / square.radius_px)])
+    return Lesson(
+        seen, picture.theta.astype(np.float32), R.astype(np.float32), place.astype(np.float32)
+    )
+
+
+def _square(mask: Mask, picture: Picture, rng: np.random.Generator) -> Square:
+    """About the palm's disc or about the palm, as starts and as tracks give it, roughly upright."""
+    turn = rng.uniform(-np.pi, np.pi) if rng.random() < 0.08 else rng.normal(0, np.radians(40))
+    x, y = picture.at_px
+    low = np.maximum((picture.at_px - PALM_PX).astype(int), 0)
+    near = cv2.distanceTransform(mask, cv2.DIST_L2, 5)[
+        low[1] : int(y + PALM_PX), low[0] : int(x + PALM_PX)
+    ]
+    _, radius, _, at = cv2.minMaxLoc(near)
+    if rng.random() < 0.5 and radius > 4:
+        return Square(
+            low + at + rng.normal(0, 1.5, 2), radius * np.exp(rng.normal(0, 0.08)), float(turn)
+        )
+    centre = picture.at_px + rng.normal(0, 0.12 * PALM_PX, 2)
+    return Square(centre, PALM_PX / PALM_PER_DISC * np.exp(rng.normal(0, 0.12)), float(turn))
+
+
+def _rough(mask: Mask, picture: Picture, rng: np.random.Generator) -> Mask:
+    size = 3 if rng.random() < 0.7 else 5
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    return np.asarray(cv2.morphologyEx(mask, _OPERATIONS[rng.integers(4)], kernel), np.uint8)
+
+
+def _bitten(mask: Mask, picture: Picture, rng: np.random.Generator) -> Mask:
+    """Bites and lumps at the outline."""
+    bitten = mask.copy()
+    rim = np.argwhere(cv2.morphologyEx(mask, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)))
+    for y, x in rim[rng.integers(len(rim), size=rng.integers(1, 4))].tolist():
+        cv2.circle(bitten, (x, y), int(rng.integers(2, 6)), int(rng.random() < 0.4), -1)
+    return bitten
+
+
+def _sleeved(mask: Mask, picture: Picture, rng: np.random.Generator) -> Mask:
+    """The arm ends somewhere below the palm."""
+    along = picture.R[:2, 1] / max(float(np.linalg.norm(picture.R[:2, 1])), 0.3)
+    return mask * (_along(picture, along) > -PALM_PX * rng.uniform(0.5, 1.6))
+
+
+def _cut(mask: Mask, picture: Picture, rng: np.random.Generator) -> Mask:
+    """The frame ends in the hand."""
+    angle = rng.uniform(0, 2 * np.pi)
+    along = _along(picture, np.array([np.cos(angle), np.sin(angle)]))
+    return mask * (along < PALM_PX * rng.uniform(0.5, 1.5))
+
+
+def _along(picture: Picture, way: Array) -> Float:
+    x, y = picture.at_px
+    return np.asarray((_X - x) * way[0] + (_Y - y) * way[1], np.float32)
+
+
+Spoil = Callable[[Mask, Picture, np.random.Generator], Mask]
+#: What is done to a silhouette, and in what share of the lessons.
+_SPOILS: tuple[tuple[Spoil, float], ...] = (
+    (_rough, 0.5), (_bitten, 0.25), (_sleeved, 0.5), (_cut, 0.08)
+)  # fmt: skip
+
+
+def _exposed(picture: Picture, rng: np.random.Generator) -> Float:
+    """The brightness as another camera and another lamp would have it."""
+    alpha, grey = picture.alpha, picture.grey.astype(np.float32)
+    rim = (alpha > 0) & (alpha < 250)
+    grey[rim] = np.minimum(grey[rim] * 255.0 / alpha[rim], 255)
+    gain = rng.uniform(1, 1.6) if rng.random() < 0.3 else 1.0
+    grey = np.minimum(255 * gain * (grey / 255) ** rng.uniform(0.6, 1.6), 255)
+    if rng.random() < 0.5:
+        grey[alpha < 100] = rng.integers(0, 256)
+    grey = grey + rng.uniform(0, 5) * rng.standard_normal(grey.shape, np.float32)
+    if rng.random() < 0.4:
+        grey = np.asarray(cv2.GaussianBlur(grey, (0, 0), rng.uniform(0.5, 1.6)), np.float32)
+    if rng.random() < 0.15:
+        angle = rng.uniform(0, 2 * np.pi)
+        slope = _along(picture, np.array([np.cos(angle), np.sin(angle)]))
+        grey = grey + rng.uniform(0, 40) / PALM_PX * slope
+    return np.asarray(grey, np.float32)
