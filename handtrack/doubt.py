@@ -24,8 +24,9 @@ from handtrack.evidence.orientation import Image
 from handtrack.evidence.silhouette import Segmenter
 from handtrack.in_track import Track
 from handtrack.judge import JudgeSettings, outline_seen, overlap
+from handtrack.proposals import hypotheses_of
 from handtrack.refine.view import View
-from handtrack.seeds import facing_of, find_hand, hypotheses_of
+from handtrack.seeds import facing_of, find_hand
 
 #: A lost hand is looked for in one frame of so many.
 RECOVER_EVERY = 3

@@ -19,9 +19,10 @@ from handtrack.evidence.evidence import see, window_around
 from handtrack.evidence.orientation import Image
 from handtrack.evidence.silhouette import Segmenter
 from handtrack.hand.shape import HandShape
+from handtrack.proposals import hypotheses_of
 from handtrack.refine.view import View
 from handtrack.refined import RefinedMethod
-from handtrack.seeds import find_hand, hypotheses_of
+from handtrack.seeds import find_hand
 from handtrack.start import Start, StartSettings
 
 #: Silhouettes of a frame in which the hand is sought.

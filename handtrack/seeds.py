@@ -3,8 +3,8 @@
 Seeds place the palm where the silhouette holds the largest discs, at the depth that fits their
 size, in every direction in the image, tilted a little or not, with the fingers at a basis
 configuration or between two of them. Overlap of the silhouettes ranks thousands of them in tens of
-milliseconds; the best and most diverse are refined, and the best overlap wins. A seed proposer
-is one function, evidence in, weighted hypotheses out; others may join.
+milliseconds; the best and most diverse are refined, and the best overlap wins. Seeds of the
+proposer's network join them.
 """
 
 from dataclasses import dataclass
@@ -22,8 +22,7 @@ from handtrack.hand.skeleton import LIMITS
 from handtrack.hand.space import ConfigurationSpace
 from handtrack.judge import outline_seen
 from handtrack.parallel import each
-from handtrack.proposer.network import PLACED, Hypotheses, propose
-from handtrack.proposer.picture import PALM_PER_DISC, Square
+from handtrack.proposer.network import Hypotheses
 from handtrack.records import Pose
 from handtrack.refine.view import View
 from handtrack.refined import RefinedMethod
@@ -31,9 +30,6 @@ from handtrack.refined import RefinedMethod
 Array = NDArray[np.float64]
 #: Rotation of a palm that faces the camera, fingers up; and of the back of a hand.
 FACING = {"palm": np.diag([1.0, -1.0, -1.0]), "back": np.diag([-1.0, -1.0, 1.0])}
-
-#: Turns in which a hand is shown to the network whose direction is not known.
-QUARTERS = np.radians([0.0, 90.0, 180.0, 270.0])
 
 #: Parts in which the seeds are scored side by side.
 SCORED_IN = 4
@@ -86,7 +82,9 @@ def find_hand(
 
     ``known`` (an earlier estimate) joins the configurations, and the depth stays near its own. A
     fist's silhouette is nearly the same from both sides: the hand faces the ``usual`` way unless
-    the energy of the other is lower by ``facing_cost``.
+    the energy of the other is lower by ``facing_cost``. With ``hypotheses``
+    (:mod:`handtrack.proposals`) some of the seeds are drawn from them, and what they say of the
+    finalists counts.
     """
     settings = settings or SeedSettings()
     discs = largest_discs(view)
@@ -96,22 +94,19 @@ def find_hand(
     line_mm = method.settings.energy.wrist_line_mm
     theta, R, t = draw_seeds(view, method, discs, facings, rng, settings, known)
     allowed = hypotheses.facing(facings) if hypotheses is not None else None
-    proposed = int(settings.proposed * len(theta)) if allowed is not None else 0
-    if allowed is not None:
-        seeds = allowed.draw(proposed, view.intrinsics, method.shape.palm_length_mm, rng)
-        for drawn, by_network in zip((theta, R, t), seeds, strict=True):
-            drawn[-proposed:] = by_network
-        theta[-proposed:] = np.clip(theta[-proposed:], *LIMITS.T)
+    ours = len(theta) - (0 if allowed is None else int(settings.proposed * len(theta)))
+    if allowed is not None:  # the rest is the network's
+        length_mm = method.shape.palm_length_mm
+        drawn = allowed.draw(len(theta) - ours, view.intrinsics, length_mm, rng)
+        theta[ours:], R[ours:], t[ours:] = np.clip(drawn[0], *LIMITS.T), drawn[1], drawn[2]
     overlap_of = partial(capsule_overlap, method.hand)
     shared = repeat(view.intrinsics), repeat(bits), repeat(line_mm)
     parts = (np.array_split(a, SCORED_IN) for a in (theta, R, t))
     score = np.concatenate(each(overlap_of, *parts, *shared))
     std = np.full(20, np.radians(30.0))
-    few = settings.proposed_kept if proposed else 0
+    few = settings.proposed_kept if ours < len(theta) else 0
     best = diverse(score, R, theta, settings.kept - few)
-    if few:
-        tail = np.arange(len(theta) - proposed, len(theta))
-        best += [int(tail[k]) for k in diverse(score[tail], R[tail], theta[tail], few)]
+    best += [ours + k for k in diverse(score[ours:], R[ours:], theta[ours:], few)]
     starts = [Estimate(Pose(R[k], t[k]), theta[k], std) for k in dict.fromkeys(best)]
     found = each(method.settle, repeat(view), starts)
     agreement = overlaps(view, method, found, bits)
@@ -130,40 +125,6 @@ def find_hand(
         cost -= settings.told * np.array(told)
     chosen = int(np.argmin(np.where(near, cost, np.inf)))
     return finalists[chosen], float(agreement[chosen])
-
-
-def hypotheses_of(
-    view: View, method: RefinedMethod, known: Estimate | None = None
-) -> Hypotheses | None:
-    """What the network makes of the silhouette about its discs, and about a known hand.
-
-    It sees the hand upright, as far as that is known. None where there is no silhouette.
-    """
-    discs = largest_discs(view)
-    if not discs:
-        return None
-    towards = fingers_from(view, known)
-    turns = QUARTERS if towards is None else np.array([towards])
-    squares = [Square(centre, radius, t) for centre, radius in discs for t in turns]
-    if known is not None:
-        squares.append(square_about(view, method, known))
-    mask = view.sdf < 0
-    return Hypotheses.joined([propose(view.grey, mask, s, view.intrinsics) for s in squares])
-
-
-def near(view: View, method: RefinedMethod, known: Estimate) -> Hypotheses:
-    """What the network makes of the silhouette about a known hand alone."""
-    square = square_about(view, method, known)
-    return propose(view.grey, view.sdf < 0, square, view.intrinsics)
-
-
-def square_about(view: View, method: RefinedMethod, known: Estimate) -> Square:
-    """The square in which the network expects a known hand."""
-    fx, fy, cx, cy = view.intrinsics
-    length = method.shape.palm_length_mm
-    x, y, z = known.pose @ np.array([0.0, PLACED * length, 0.0])
-    at = np.array([fx * x / z + cx, fy * y / z + cy])
-    return Square(at, fx * length / z / PALM_PER_DISC, fingers_from(view, known) or 0.0)
 
 
 def finalists_of(agreement: Array, found: list[Estimate], most: int) -> list[int]:

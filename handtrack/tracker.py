@@ -34,12 +34,13 @@ from handtrack.in_track import Method, Track
 from handtrack.judge import JudgeSettings, confidence, overlap, status_of
 from handtrack.layers import Seen
 from handtrack.paper import PaperMethod, PaperSettings
+from handtrack.proposals import hypotheses_near
 from handtrack.records import Frame, FrameResult, Status
 from handtrack.refine.view import View
 from handtrack.refined import RefinedMethod, RefinedSettings
 from handtrack.report import result_of
 from handtrack.searched import SearchedStart
-from handtrack.seeds import facing_of, near
+from handtrack.seeds import facing_of
 from handtrack.start import (
     Calibrate,
     Start,
@@ -195,7 +196,7 @@ class Tracker:
             evidence, view = self._see(image, track, predicted)
         with self._timed("method"):
             asked = track.method is track.searcher and frame.index % ASK_EVERY == 0
-            told = near(view, track.searcher, predicted) if asked else None
+            told = hypotheses_near(view, track.searcher, predicted) if asked else None
             estimate = track.method.follow(view, predicted, self.rng, told)
             workings = track.method.workings
         with self._timed("judge"):

@@ -10,7 +10,7 @@ It only proposes. What it says is searched and refined like any other seed.
 """
 
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cache
 from importlib import resources
 from typing import Any
@@ -72,20 +72,18 @@ class Hypotheses:
     def __post_init__(self) -> None:
         freeze_arrays(self, copy=False)
 
-    @property
-    def share_facing(self) -> float:
-        """Probability that the palm's normal points to the camera."""
-        return float(self.weight[self.R[:, 2, 2] < 0].sum())
+    @classmethod
+    def _names(cls) -> list[str]:
+        return [field.name for field in fields(cls)]
 
     @classmethod
     def joined(cls, several: "list[Hypotheses]") -> "Hypotheses":
         """One mixture of several, each as likely as the next."""
-        fields = {
-            name: np.concatenate([getattr(each, name) for each in several])
-            for name in cls.__dataclass_fields__
+        values = {
+            name: np.concatenate([getattr(one, name) for one in several]) for name in cls._names()
         }
-        fields["weight"] = fields["weight"] / len(several)
-        return cls(**fields)
+        values["weight"] = values["weight"] / len(several)
+        return cls(**values)
 
     def facing(self, sides: tuple[str, ...]) -> "Hypotheses | None":
         """Those that show one of the sides ("palm", "back") to the camera; None without any."""
@@ -93,9 +91,9 @@ class Hypotheses:
         kept = (palm & ("palm" in sides)) | (~palm & ("back" in sides))
         if self.weight[kept].sum() < FEWEST:
             return None
-        fields = {name: getattr(self, name)[kept] for name in self.__dataclass_fields__}
-        fields["weight"] = fields["weight"] / fields["weight"].sum()
-        return Hypotheses(**fields)
+        values = {name: getattr(self, name)[kept] for name in self._names()}
+        values["weight"] = values["weight"] / values["weight"].sum()
+        return Hypotheses(**values)
 
     def draw(
         self, n: int, intrinsics: Array, palm_length_mm: float, rng: np.random.Generator

@@ -118,7 +118,6 @@ def test_drawn_hands_lie_where_they_were_seen():
 
 def test_a_mixture_knows_its_sides_and_its_density():
     both = mixture((0.7, PALM), (0.3, BACK))
-    assert both.share_facing == pytest.approx(0.7)
     assert both.facing(("back",)).weight.tolist() == [1.0]
     assert mixture((1.0, PALM)).facing(("back",)) is None
     assert both.log_density(np.zeros(20), PALM) > both.log_density(np.zeros(20), BACK)
