@@ -9,7 +9,6 @@ import numpy as np
 from handtrack import rotation
 from handtrack.estimate import Estimate
 from handtrack.layers import Workings
-from handtrack.proposer.network import Hypotheses
 from handtrack.records import Pose, Status
 from handtrack.refine.view import View
 from handtrack.refined import RefinedMethod
@@ -31,13 +30,7 @@ class Method(Protocol):
 
     workings: Workings | None
 
-    def follow(
-        self,
-        view: View,
-        predicted: Estimate,
-        rng: np.random.Generator,
-        hypotheses: Hypotheses | None = None,
-    ) -> Estimate:
+    def follow(self, view: View, predicted: Estimate, rng: np.random.Generator) -> Estimate:
         """The hand in this frame, from where it was expected."""
         ...
 

@@ -41,7 +41,6 @@ from handtrack.hand.surface import Cardboard
 from handtrack.layers import Cloud, Workings
 from handtrack.palm.icp import IcpSettings, icp
 from handtrack.palm.outline import palm_outline
-from handtrack.proposer.network import Hypotheses
 from handtrack.records import Pose
 from handtrack.refine.view import View
 from handtrack.refined import RefinedMethod, RefinedSettings
@@ -116,13 +115,7 @@ class PaperMethod(RefinedMethod):
         spread = START_SHARE * np.sqrt(self.space.variance)
         self.filter.restart(Gaussians(np.ones(1), about, spread))
 
-    def follow(
-        self,
-        view: View,
-        predicted: Estimate,
-        rng: np.random.Generator,
-        hypotheses: Hypotheses | None = None,
-    ) -> Estimate:
+    def follow(self, view: View, predicted: Estimate, rng: np.random.Generator) -> Estimate:
         """The hand in this frame, from where it was expected."""
         start, theta = self.moved(view, predicted), predicted.theta
         pose = start

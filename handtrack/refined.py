@@ -142,19 +142,12 @@ class RefinedMethod:
             told_weight=told_weight,
         )
 
-    def follow(
-        self,
-        view: View,
-        predicted: Estimate,
-        rng: np.random.Generator,
-        hypotheses: Hypotheses | None = None,
-    ) -> Estimate:
-        """The hand in this frame, from where it was expected.
+    def tell(self, hypotheses: Hypotheses, predicted: Estimate) -> None:
+        """How fingers bend by the proposer, for a palm as predicted; believed until told anew."""
+        self.told = hypotheses.angles(predicted.pose.R)
 
-        ``hypotheses`` of this frame, or else those of the last that had any, say how fingers bend.
-        """
-        if hypotheses is not None:
-            self.told = hypotheses.angles(predicted.pose.R)
+    def follow(self, view: View, predicted: Estimate, rng: np.random.Generator) -> Estimate:
+        """The hand in this frame, from where it was expected."""
         s, start = self.settings, self.moved(view, predicted)
         found, self.workings = self._near(view, replace(predicted, pose=start), rng)
         if rng.random() < s.tilt_share:

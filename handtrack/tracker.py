@@ -195,9 +195,9 @@ class Tracker:
             predicted = track.predicted()
             evidence, view = self._see(image, track, predicted)
         with self._timed("method"):
-            asked = track.method is track.searcher and frame.index % ASK_EVERY == 0
-            told = hypotheses_near(view, track.searcher, predicted) if asked else None
-            estimate = track.method.follow(view, predicted, self.rng, told)
+            if track.method is track.searcher and frame.index % ASK_EVERY == 0:
+                track.searcher.tell(hypotheses_near(view, track.searcher, predicted), predicted)
+            estimate = track.method.follow(view, predicted, self.rng)
             workings = track.method.workings
         with self._timed("judge"):
             agreement = overlap(track.searcher.hand, estimate, view, judge.wrist_line_mm)
