@@ -1,5 +1,6 @@
 """The account of a run: what is counted while it goes, its exit code, last line and record."""
 
+import re
 import sys
 from collections import Counter, defaultdict
 from dataclasses import dataclass, field
@@ -96,13 +97,21 @@ def record_of(
         "seed": settings.seed,
         "versions": versions(),
         "frames_per_second": round(n / elapsed_s, 2),
-        "peak_memory_mb": _peak_memory_mb(),
+        "peak_memory_mb": peak_memory_mb(),
         "timings_ms": medians_ms(report.timings_ms | dict(tracker.timings_ms)),
     }
 
 
-def _peak_memory_mb() -> float | None:
-    """Largest resident size of this process so far, where the system tells it."""
+def peak_memory_mb() -> float | None:
+    """Largest resident size of this process so far, where the system tells it.
+
+    Linux tells it of this program alone; elsewhere a process that was forked may inherit its
+    parent's.
+    """
+    if sys.platform == "linux":
+        status = Path("/proc/self/status").read_text(encoding="ascii", errors="replace")
+        if found := re.search(r"^VmHWM:\s*(\d+) kB", status, re.MULTILINE):
+            return round(int(found[1]) / 2**10, 1)
     try:
         import resource
     except ImportError:

@@ -333,9 +333,7 @@ def test_memory_does_not_grow_with_the_clip(tmp_path, write_clip):
         "import sys; sys.path.insert(0, sys.argv[1]);"
         "from pathlib import Path; import test_run as t;"
         "t.run(Path(sys.argv[2]), Path(sys.argv[3]));"
-        # the peak of this process alone: getrusage's is also that of the one it was forked from
-        "status = Path('/proc/self/status').read_text();"
-        "print(float(status.split('VmHWM:')[1].split()[0]) / 1024)"
+        "from handtrack.account import peak_memory_mb; print(peak_memory_mb())"
     )
     peaks_mb = []
     for n in (20, 300):
