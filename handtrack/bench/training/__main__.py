@@ -1,5 +1,6 @@
 """``python -m handtrack.bench.training``."""
 
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import tyro
@@ -7,23 +8,21 @@ import tyro
 from handtrack.bench.training.train import TrainingSettings, export, rendered, train
 
 
-def main(
-    out: Path, cache: Path = Path("pictures.npz"), settings: TrainingSettings | None = None
-) -> None:
-    """Train the proposer's network and write it.
+@dataclass(frozen=True)
+class Training:
+    """Train the proposer's network and write it."""
 
-    Parameters
-    ----------
-    out
-        The ONNX file; the shipped one is ``handtrack/proposer/proposer.onnx``.
-    cache
-        Where rendered pictures are kept.
-    settings
-        How.
-    """
-    settings = settings or TrainingSettings()
-    export(train(rendered(settings.pictures, settings.seed, cache), settings), out)
+    out: Path
+    """The ONNX file; the shipped one is ``handtrack/proposer/proposer.onnx``."""
+    cache: Path = Path("pictures.npz")
+    """Where rendered pictures are kept."""
+    settings: TrainingSettings = field(default_factory=TrainingSettings)
+
+    def __call__(self) -> None:
+        """Render or take the pictures, train, write."""
+        s = self.settings
+        export(train(rendered(s.pictures, s.seed, self.cache), s), self.out)
 
 
 if __name__ == "__main__":
-    tyro.cli(main)
+    tyro.cli(Training, prog="python -m handtrack.bench.training")()
