@@ -143,7 +143,10 @@ class RefinedMethod:
         )
 
     def tell(self, hypotheses: Hypotheses, predicted: Estimate) -> None:
-        """How fingers bend by the proposer, for a palm as predicted; believed until told anew."""
+        """How fingers bend by the proposer, for a palm as predicted; believed until told anew.
+
+        Where it sees no such palm it says nothing of them.
+        """
         self.told = hypotheses.angles(predicted.pose.R)
 
     def follow(self, view: View, predicted: Estimate, rng: np.random.Generator) -> Estimate:

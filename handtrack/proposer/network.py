@@ -3,7 +3,7 @@
 A network of a million parameters sees silhouette and shading (:mod:`handtrack.proposer.picture`)
 and answers with a mixture of Gaussians over angles, rotation, place and size, as a mixture density
 network does (Bishop, "Mixture Density Networks", 1994): a silhouette rarely says which of two
-poses it is. It was trained on renders alone (``handtrack.bench.train_proposer``) and runs through
+poses it is. It was trained on renders alone (``handtrack.bench.training``) and runs through
 OpenCV in two milliseconds.
 
 It only proposes. What it says is searched and refined like any other seed.
@@ -108,11 +108,13 @@ class Hypotheses:
         at = np.column_stack([(x - cx) / fx * z, (y - cy) / fy * z, z])
         return theta, R, at - PLACED * palm_length_mm * R[:, :, 1]
 
-    def angles(self, R: Array, std: float = np.radians(20.0)) -> tuple[Array, Array]:
-        """Mean and spread ``(20,)`` of the angles, for a palm that is near ``R``."""
+    def angles(self, R: Array, std: float = np.radians(20.0)) -> tuple[Array, Array] | None:
+        """Mean and spread ``(20,)`` of the angles, for a palm near ``R``; None if none is there."""
         turn2 = rotation.angle_between(self.R, R) ** 2
         w = self.weight * np.exp(-0.5 * turn2 / (self.turn_std**2 + std**2))
-        w /= max(w.sum(), FEWEST)
+        if w.sum() < FEWEST:
+            return None
+        w /= w.sum()
         mean = w @ self.theta
         return mean, np.sqrt(w @ (self.theta_std**2 + (self.theta - mean) ** 2) + 1e-6)
 
