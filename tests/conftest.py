@@ -25,6 +25,19 @@ def shared() -> Path:
 
 
 @pytest.fixture(scope="session")
+def gl() -> None:
+    """Skip where the smooth hand cannot be drawn."""
+    from handtrack.camera import Camera  # once the threads are set
+    from synth.render import NoGLError, Renderer
+
+    try:
+        with Renderer(Camera.assumed_for(64, 64)):
+            pass
+    except NoGLError as error:
+        pytest.skip(str(error))
+
+
+@pytest.fixture(scope="session")
 def write_clip() -> Callable[..., Path]:
     """A function that writes a small clip; see :func:`_write_clip` for what can be asked of it."""
     return _write_clip

@@ -7,21 +7,10 @@ import pytest
 
 from handtrack import rotation
 from handtrack.bench.calibration import TAKES, errors_of, hand_length_mm, measured
-from handtrack.camera import Camera
 from handtrack.cli import main
 from handtrack.hand.shape import HandShape
 from synth.export import as_hand_shape
 from synth.handspec import HandSpec
-from synth.render import NoGLError, Renderer
-
-
-@pytest.fixture(scope="module")
-def gl():
-    try:
-        with Renderer(Camera.assumed_for(64, 64)):
-            pass
-    except NoGLError as error:
-        pytest.skip(str(error))
 
 
 def at_true_length(truth):

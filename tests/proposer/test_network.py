@@ -1,5 +1,6 @@
 """The network's numbers, and that it tells a rendered hand's pose far better than a guess."""
 
+from dataclasses import replace
 from itertools import islice
 
 import numpy as np
@@ -22,7 +23,7 @@ from synth.pictures import SIDE_PX as PICTURE_PX
 
 
 @pytest.fixture(scope="module")
-def rendered():
+def rendered(gl):
     return list(islice(pictures(np.random.default_rng(77)), 40))
 
 
@@ -124,6 +125,15 @@ def test_a_mixture_knows_its_sides_and_its_density():
     assert both.log_density(np.zeros(20), PALM) > both.log_density(np.full(20, 0.3), PALM)
     joined = Hypotheses.joined([both, mixture((1.0, BACK))])
     np.testing.assert_allclose(joined.weight, [0.35, 0.15, 0.5])
+
+
+def test_a_palm_that_no_hypothesis_is_near_is_told_nothing():
+    """And not, of weights that vanish, a flat hand for sure."""
+    bent = replace(mixture((1.0, PALM)), theta=np.full((1, 20), 0.8))
+    assert bent.angles(BACK) is None
+    mean, std = bent.angles(PALM)
+    np.testing.assert_allclose(mean, 0.8)
+    np.testing.assert_allclose(std, 0.2, rtol=1e-4)
 
 
 def test_hands_that_it_has_not_seen_are_told_far_better_than_guessed(rendered):

@@ -13,7 +13,7 @@ from synth.pictures import pictures
 torch = pytest.importorskip("torch")
 
 
-def test_a_few_steps_lower_the_loss_and_opencv_reads_what_is_written(tmp_path):
+def test_a_few_steps_lower_the_loss_and_opencv_reads_what_is_written(tmp_path, gl):
     from handtrack.bench.training.lessons import lesson_from
     from handtrack.bench.training.model import HYPOTHESES, Network, loss_of
     from handtrack.bench.training.train import TrainingSettings, export, stacked, train

@@ -1,22 +1,10 @@
-"""Small scenes, and OpenGL where there is any."""
+"""Small scenes."""
 
 from dataclasses import replace
 
 import pytest
 
-from handtrack.camera import Camera
-from synth.render import NoGLError, Renderer
 from synth.scene import Scene
-
-
-@pytest.fixture(scope="session")
-def gl() -> None:
-    """Skip where the smooth hand cannot be drawn."""
-    try:
-        with Renderer(Camera.assumed_for(64, 64)):
-            pass
-    except NoGLError as error:
-        pytest.skip(str(error))
 
 
 @pytest.fixture
