@@ -1,8 +1,9 @@
-"""Who plays the hand: the smooth skin (pyrender) or the paper's cardboard (software).
+"""Who plays the hand: the smooth skin (pyrender), the paper's cardboard or balls (software).
 
 An actor draws one instant as a premultiplied RGBA layer and says where bare skin is.
 """
 
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -16,6 +17,7 @@ from synth.paint import dress, paint
 from synth.render import Renderer
 from synth.scene import Scene
 from synth.skin import Skin
+from synth.spheres import SpheresActor
 from synth.surface import FOREARM_LENGTH_MM, rest_mesh
 
 Array = NDArray[np.float64]
@@ -41,7 +43,7 @@ def make_actor(scene: Scene) -> Actor:
     NoGLError
         The smooth hand is asked for and there is no OpenGL.
     """
-    return CardboardActor(scene) if scene.surface == "cardboard" else SmoothActor(scene)
+    return _ACTORS[scene.surface](scene)
 
 
 class SmoothActor:
@@ -80,3 +82,10 @@ class SmoothActor:
             return Layer(rgba, rgba[..., 3] >= 128)
         label = self._renderer.draw(seen, self._faces, self._is_skin)
         return Layer(rgba, label[..., 0] >= 128)
+
+
+_ACTORS: dict[str, Callable[[Scene], Actor]] = {
+    "smooth": SmoothActor,
+    "cardboard": CardboardActor,
+    "spheres": SpheresActor,
+}

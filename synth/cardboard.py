@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from handtrack.camera import Camera
 from synth import quaternion as quat
 from synth.handspec import HandSpec
 from synth.kinematics import bone_frames
@@ -27,7 +28,7 @@ _TIP_TAPER = 0.7
 
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """A flat piece in the palm frame of a right hand."""
+    """A flat piece, in the palm frame of a right hand or in the camera's."""
 
     corners: Array  # (v, 3) mm
     shade: float
@@ -101,22 +102,28 @@ class CardboardActor:
 
     def draw(self, theta: Array, R: Array, t_mm: Array, wrist: Array) -> Layer:
         """One instant."""
-        camera = self._camera
-        canvas = np.zeros((camera.height_px * _FINE, camera.width_px * _FINE, 4), np.uint8)
         pieces = patches(theta, self._hand, self._forearm_mm, wrist)
-        seen = [((p.corners * self._S) @ R.T + t_mm, p.shade) for p in pieces]
-        for corners, shade in sorted(seen, key=lambda piece: -piece[0][:, 2].mean()):
-            self._paint(canvas, corners, shade)
-        size = (camera.width_px, camera.height_px)
-        rgba = np.asarray(cv2.resize(canvas, size, interpolation=cv2.INTER_AREA), np.uint8)
+        seen = [Patch((p.corners * self._S) @ R.T + t_mm, p.shade) for p in pieces]
+        rgba = painted(seen, self._tone, self._camera)
         return Layer(rgba, rgba[..., 3] >= 128)
 
-    def _paint(self, canvas: NDArray[np.uint8], corners: Array, shade: float) -> None:
-        normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
-        facing = abs(normal @ _LIGHT) / max(float(np.linalg.norm(normal)), 1e-9)
-        colour = (self._tone * shade * (0.55 + 0.45 * facing)).clip(0, 255)
-        fine = (self._camera.project(corners) + 0.5) * _FINE - 0.5
-        points = [np.round(fine * (1 << _SHIFT)).astype(np.int32)]
-        cv2.fillPoly(canvas, points, (*colour.tolist(), 255.0), cv2.LINE_8, _SHIFT)
-        rim = (*(0.72 * colour).tolist(), 255.0)
-        cv2.polylines(canvas, points, True, rim, _FINE, cv2.LINE_8, _SHIFT)
+
+def painted(pieces: list[Patch], tone: Array, camera: Camera) -> NDArray[np.uint8]:
+    """Patches in the camera frame as premultiplied RGBA ``(h, w, 4)``, of an sRGB tone."""
+    canvas = np.zeros((camera.height_px * _FINE, camera.width_px * _FINE, 4), np.uint8)
+    for piece in sorted(pieces, key=lambda piece: -piece.corners[:, 2].mean()):
+        _paint(canvas, piece, tone, camera)
+    size = (camera.width_px, camera.height_px)
+    return np.asarray(cv2.resize(canvas, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def _paint(canvas: NDArray[np.uint8], piece: Patch, tone: Array, camera: Camera) -> None:
+    a, b, c = piece.corners[:3]
+    normal = np.cross(b - a, c - a)
+    facing = abs(normal @ _LIGHT) / max(float(np.linalg.norm(normal)), 1e-9)
+    colour = (tone * piece.shade * (0.55 + 0.45 * facing)).clip(0, 255)
+    fine = (camera.project(piece.corners) + 0.5) * _FINE - 0.5
+    points = [np.round(fine * (1 << _SHIFT)).astype(np.int32)]
+    cv2.fillPoly(canvas, points, (*colour.tolist(), 255.0), cv2.LINE_8, _SHIFT)
+    rim = (*(0.72 * colour).tolist(), 255.0)
+    cv2.polylines(canvas, points, True, rim, _FINE, cv2.LINE_8, _SHIFT)

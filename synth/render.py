@@ -45,7 +45,7 @@ class Renderer:
 
     def __init__(self, camera: Camera) -> None:
         self._pyrender = pr = _pyrender()
-        self._camera = camera
+        self.camera = camera
         try:
             self._offscreen = pr.OffscreenRenderer(camera.width_px, camera.height_px)
         except Exception as error:  # pyrender lets through whatever EGL and PyOpenGL raise
@@ -74,7 +74,7 @@ class Renderer:
         colours : (n, 4)
             As they shall be displayed, 0 to 1.
         """
-        pr, camera = self._pyrender, self._camera
+        pr, camera = self._pyrender, self.camera
         image = np.zeros((camera.height_px, camera.width_px, 4), np.uint8)
         window = self._window(vertices_mm)
         if window is None:
@@ -100,7 +100,7 @@ class Renderer:
 
     def _window(self, vertices_mm: Array) -> Window | None:
         """The tiles about the hand, or None where it is not in the image."""
-        camera = self._camera
+        camera = self.camera
         px = camera.project(vertices_mm)
         size = np.array([camera.width_px, camera.height_px])
         low = np.clip(np.floor((px.min(axis=0) - 1) / _TILE_PX) * _TILE_PX, 0, size).astype(int)
@@ -110,7 +110,7 @@ class Renderer:
         return Window(float(low[0]), float(low[1]), 1.0, *(high - low).tolist())
 
     def _aim(self, window: Window) -> None:
-        through = self._camera.through(window)
+        through = self.camera.through(window)
         lens = self._pyrender.IntrinsicsCamera(
             through.fx_px, through.fy_px, through.cx_px + 0.5, through.cy_px + 0.5, 0.02, 10.0
         )

@@ -96,14 +96,14 @@ class Scene:
     hand : str
         One of `synth.handspec.HAND_NAMES`, or ``"any"``.
     side : "right" or "left"
-    surface : "smooth" or "cardboard"
-        The skinned hand, or the paper's flat patches (which need no OpenGL).
+    surface : "smooth", "cardboard" or "spheres"
+        The skinned hand, the paper's flat patches, or swept balls (these need no OpenGL).
     """
 
     seed: int = 0
     hand: str = "average"
     side: Literal["right", "left"] = "right"
-    surface: Literal["smooth", "cardboard"] = "smooth"
+    surface: Literal["smooth", "cardboard", "spheres"] = "smooth"
     width_px: int = 640
     height_px: int = 480
     focal_px: float = 600.0

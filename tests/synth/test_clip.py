@@ -21,7 +21,7 @@ def read(path) -> np.ndarray:
         return np.array([f.to_ndarray(format="rgb24") for f in container.decode(video=0)])
 
 
-@pytest.mark.parametrize("surface", ["smooth", "cardboard"])
+@pytest.mark.parametrize("surface", ["smooth", "cardboard", "spheres"])
 def test_the_same_scene_gives_the_same_bytes(tiny: Scene, surface, tmp_path, request) -> None:
     if surface == "smooth":
         request.getfixturevalue("gl")
@@ -54,7 +54,7 @@ def test_what_lies_beside_a_clip(cardboard: Scene, tmp_path) -> None:
 
 
 @pytest.mark.parametrize("side", ["right", "left"])
-@pytest.mark.parametrize("surface", ["smooth", "cardboard"])
+@pytest.mark.parametrize("surface", ["smooth", "cardboard", "spheres"])
 def test_keypoints_lie_on_the_hand_in_the_image(tiny, surface, side, tmp_path, request) -> None:
     if surface == "smooth":
         request.getfixturevalue("gl")
