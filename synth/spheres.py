@@ -19,6 +19,8 @@ from synth.scene import Scene
 from synth.tones import TONES
 
 Array = NDArray[np.float64]
+#: The forearm's number among the parts; the palm is before it, the bones are the first 15.
+ARM = 16
 _FINE = 2  # drawn this many times as large, then reduced: smooth rims
 _BALLS, _BALLS_OF_ARM = 16, 30
 _FAN = np.linspace(0, 1, 9)
@@ -37,6 +39,9 @@ class SpheresActor:
         rng = np.random.default_rng([scene.seed, 9])
         self._girth = np.exp(rng.normal(0.03, 0.06) + rng.normal(0, 0.08, (5, 4)))
         self._tone = np.array(TONES[scene.look.skin]) * np.exp(rng.normal(0, 0.06, (17, 1)))
+        self._sleeve = scene.look.forearm == "sleeve"
+        if self._sleeve:
+            self._tone[ARM] = rng.integers((20, 40, 60), (90, 120, 200))
         way = rng.normal(size=(int(rng.integers(1, 3)), 3))
         way[:, 1:] = -np.abs(way[:, 1:]) - (0.0, 0.5)  # from above and before the hand
         way /= np.linalg.norm(way, axis=1, keepdims=True)
@@ -57,13 +62,14 @@ class SpheresActor:
         c = self._camera
         fine = np.array([c.fx_px, c.fy_px, c.cx_px + 0.5, c.cy_px + 0.5]) * _FINE
         fine[2:] -= 0.5
-        canvas = np.zeros((c.height_px * _FINE, c.width_px * _FINE, 4), np.float32)
+        canvas = np.zeros((c.height_px * _FINE, c.width_px * _FINE, 5), np.float32)
         depth = np.full(canvas.shape[:2], np.inf, np.float32)
-        tones = self._tone[part]
-        _cast(seen[near], radii[near], tones[near], fine, self._lamps, self._gloss, canvas, depth)
+        skin = 255.0 * ((part != ARM) | (not self._sleeve))
+        tones = np.column_stack([self._tone[part], skin])[near]
+        _cast(seen[near], radii[near], tones, fine, self._lamps, self._gloss, canvas, depth)
         size = (c.width_px, c.height_px)
-        rgba = cv2.resize(canvas, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
-        return Layer(rgba, rgba[..., 3] >= 128)
+        drawn = cv2.resize(canvas, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
+        return Layer(drawn[..., :4], drawn[..., 4] >= 128)
 
 
 def balls(
@@ -71,8 +77,8 @@ def balls(
 ) -> tuple[Array, Array, NDArray[np.intp]]:
     """Centres ``(n, 3)`` in the palm frame, radii ``(n,)`` in mm and parts ``(n,)``.
 
-    Parts are the 15 bones, the palm (15) and the forearm (16); ``girth`` ``(5, 4)`` multiplies the
-    radii of the digits.
+    Parts are the 15 bones, the palm (15) and the forearm (`ARM`); ``girth`` ``(5, 4)`` multiplies
+    the radii of the digits.
     """
     _, start, end = bone_frames(theta, hand)
     radius = hand.radius_mm * girth
@@ -104,14 +110,17 @@ def balls(
         at_wrist = np.array([x * (hand.wrist_mm[0] - hand.wrist_mm[1]), 0.0, 0.0])
         wider = x * share * (hand.forearm_mm[0] - hand.forearm_mm[1])
         far = down + (1 - share) * at_wrist + np.array([wider, 0.0, 0.0])
-        sweep(at_wrist, far, thin, 16, _BALLS_OF_ARM)
+        sweep(at_wrist, far, thin, ARM, _BALLS_OF_ARM)
     centres, radii, parts = zip(*sweeps, strict=True)
     return np.concatenate(centres), np.concatenate(radii), np.concatenate(parts)
 
 
 @numba.njit(cache=True)
 def _cast(centres, radii, tones, K, lamps, gloss, canvas, depth):  # type: ignore[no-untyped-def]
-    """Draw balls in the camera frame into premultiplied RGBA, the nearest first in ``depth``."""
+    """Draw balls in the camera frame into premultiplied RGBA and, fifth, how much of it is skin.
+
+    ``tones`` ``(n, 4)`` are sRGB and whether it is; ``depth`` is that of what was drawn.
+    """
     fx, fy, cx, cy = K
     height, width = depth.shape
     for i in range(len(radii)):
@@ -140,4 +149,4 @@ def _cast(centres, radii, tones, K, lamps, gloss, canvas, depth):  # type: ignor
                         shine += strength * gloss * max(half, 0.0) ** _GLOSS_POWER
                 for c in range(3):
                     canvas[v, u, c] = min(255.0, tones[i, c] * diffuse + 255 * shine)
-                canvas[v, u, 3] = 255.0
+                canvas[v, u, 3], canvas[v, u, 4] = 255.0, tones[i, 3]

@@ -95,9 +95,11 @@ def test_a_hand_out_of_the_image_is_not_there(gl, tiny: Scene) -> None:
     assert min(share) == 0.0
 
 
-def test_a_sleeve_is_not_skin(gl, tiny: Scene) -> None:
+@pytest.mark.parametrize("surface", ["smooth", "spheres"])
+def test_a_sleeve_is_not_skin(gl, tiny: Scene, surface) -> None:
     def skin(forearm: str) -> float:
-        scene = replace(tiny, look=replace(tiny.look, forearm=forearm))
+        look = replace(tiny.look, forearm=forearm)
+        scene = replace(tiny, look=look, surface=surface)
         scene = replace(scene, motion=replace(scene.motion, frames=1, centre_mm=(0.0, -60.0)))
         with make_actor(scene) as actor:
             return float(next(iter(frames(scene, actor)))[1].mean())
