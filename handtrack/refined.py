@@ -13,6 +13,7 @@ One frame::
 Search before refinement is what keeps it out of local minima; refinement is what makes it exact.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -115,6 +116,7 @@ class RefinedMethod:
         self.precision = off_line_precision(space, self.lines, settings.widen, settings.floor_deg)
         self.facing = Facing(settings.facing_frames)
         self.told: tuple[Array, Array] | None = None  # angles and spread, from the picture
+        self.question: Callable[[], Hypotheses] | None = None  # put to the proposer in this frame
 
     def prior(self, predicted: Estimate, loose: float = 1.0) -> Prior:
         """Prior about a prediction; ``loose`` multiplies its standard deviations.
@@ -142,16 +144,22 @@ class RefinedMethod:
             told_weight=told_weight,
         )
 
-    def tell(self, hypotheses: Hypotheses, predicted: Estimate) -> None:
-        """How fingers bend by the proposer, for a palm as predicted; believed until told anew.
+    def ask(self, question: Callable[[], Hypotheses]) -> None:
+        """Have the proposer asked in the next frame: how its fingers bend, for a palm as predicted.
 
-        Where it sees no such palm it says nothing of them.
+        It is believed until asked anew; where it sees no such palm it says nothing of them.
         """
-        self.told = hypotheses.angles(predicted.pose.R)
+        self.question = question
 
     def follow(self, view: View, predicted: Estimate, rng: np.random.Generator) -> Estimate:
         """The hand in this frame, from where it was expected."""
-        s, start = self.settings, self.moved(view, predicted)
+        s, question, self.question = self.settings, self.question, None
+        prior = self.prior(predicted)
+        if question is None:
+            start = self.moved(view, predicted, prior)
+        else:
+            start, answer = both(lambda: self.moved(view, predicted, prior), question)
+            self.told = answer.angles(predicted.pose.R)
         found, self.workings = self._near(view, replace(predicted, pose=start), rng)
         if rng.random() < s.tilt_share:
             found = self.best_tilt(view, found, rng)
@@ -257,9 +265,8 @@ class RefinedMethod:
             best = min(best, tried, key=lambda r: r.energy)
         return best
 
-    def moved(self, view: View, predicted: Estimate) -> Pose:
+    def moved(self, view: View, predicted: Estimate, prior: Prior) -> Pose:
         """The predicted pose, shifted to the silhouette where that lowers the energy."""
-        prior = self.prior(predicted)
         candidates = [predicted.pose]
         candidates += [
             shifted_pose(predicted.pose, shift, view.intrinsics)
