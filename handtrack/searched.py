@@ -109,14 +109,11 @@ class SearchedStart:
             view = View.of(evidence)
             told = hypotheses_of(view, self.method)
             found = find_hand(view, self.method, (self.facing,), rng, hypotheses=told)
-            if found is None or told is None:
+            if found is None:
                 continue
             if share_in_frame(self.method, found[0], view) < self.settings.min_in_frame:
                 continue
-            worth = told.log_density(found[0].theta, found[0].pose.R)
-            starts.append(
-                Start(self.shape, found[0], side, segmenter, found[1], 0.0, likelihood=worth)
-            )
+            starts.append(Start(self.shape, found[0], side, segmenter, found[1], 0.0))
         return max(starts, key=lambda start: start.overlap, default=None)
 
     def _lead(self, starts: dict[str, Start]) -> float:
@@ -127,8 +124,7 @@ class SearchedStart:
         right, left = starts["right"], starts["left"]
         closer = (right.overlap - left.overlap) / s.closer
         cheaper = (left.estimate.energy - right.estimate.energy) / s.cheaper
-        likelier = (right.likelihood - left.likelihood) / s.likelier
-        return float(np.clip(closer + cheaper + likelier, -2 * s.min_lead, 2 * s.min_lead))
+        return float(np.clip(closer + cheaper, -2 * s.min_lead, 2 * s.min_lead))
 
 
 def share_in_frame(method: RefinedMethod, estimate: Estimate, view: View) -> float:

@@ -57,7 +57,6 @@ class Start:
     segmenter: Segmenter
     overlap: float
     quality: float  # of the open hand that its shape was calibrated from; 0 for none
-    likelihood: float = 0.0  # its log, by the proposer's network
 
 
 @dataclass(frozen=True)
@@ -84,8 +83,6 @@ class StartSettings:
     side is not told."""
     cheaper: float = 8.0
     """Energy by which it must be."""
-    likelier: float = 2.0
-    """And log density by which the proposer must find it likelier."""
     min_in_frame: float = 0.7
     """Share of a hand's joints and tips that lie in the frame."""
     min_lead: float = 4.0

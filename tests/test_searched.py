@@ -21,7 +21,7 @@ SETTINGS = StartSettings()
 
 
 class MadeUp(SearchedStart):
-    """Looks that find ``(overlap, energy, likelihood)`` of each side, the same in every frame."""
+    """Looks that find ``(overlap, energy)`` of each side, the same in every frame."""
 
     def __init__(self, right=None, left=None, side="auto") -> None:
         super().__init__(lambda shape: None, HandShape.default(), side, "palm", SETTINGS)
@@ -32,10 +32,10 @@ class MadeUp(SearchedStart):
         if (found := self.made_up[side]) is None:
             return None
         self.looks += 1
-        overlap, energy, likelihood = (*found, 0.0)[:3]
+        overlap, energy = found
         estimate = Estimate(Pose(np.eye(3), np.zeros(3)), np.zeros(20), np.ones(20))
         estimate = replace(estimate, energy=energy)
-        return Start(self.shape, estimate, side, None, overlap, 0.0, likelihood)
+        return Start(self.shape, estimate, side, None, overlap, 0.0)
 
 
 def first(search: SearchedStart, frames: int = 40) -> tuple[int, str] | None:
@@ -89,11 +89,6 @@ def test_looks_are_made_now_and_then():
 
 def test_solidity_of_nothing_is_one():
     assert solidity(np.zeros((5, 5), bool)) == 1.0
-
-
-def test_what_the_proposer_finds_likelier_leads():
-    assert first(MadeUp(right=(0.93, 50.0, 10.0), left=(0.93, 50.0, 1.0))) == (0, "right")
-    assert first(MadeUp(right=(0.93, 50.0, 1.0), left=(0.93, 50.0, 10.0))) == (0, "left")
 
 
 def test_a_hand_whose_fingers_leave_the_frame_is_no_start():
