@@ -89,7 +89,7 @@ class RefinedSettings:
     """Factor on the covariance of the configuration space off the digits' lines."""
     floor_deg: float = 6.0
     """Standard deviation added to it in every direction."""
-    told: float = 0.35
+    told: float = 0.25
     """Share of what the proposer says its angles are worth that is believed."""
     told_share: float = 0.5
     """Share of the proposals of whole hands that are the proposer's, not basis states."""

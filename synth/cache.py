@@ -54,6 +54,6 @@ def _program() -> str:
     drawing = [
         p
         for p in files
-        if p.parent.name != "scenes" and p.stem not in ("commands", "cache", "pictures")
+        if p.parent.name != "scenes" and p.stem not in ("commands", "cache", "draws", "pictures")
     ]
     return hashlib.sha256(b"".join(p.read_bytes() for p in drawing)).hexdigest()

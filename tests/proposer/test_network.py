@@ -9,7 +9,6 @@ import pytest
 from handtrack import rotation
 from handtrack.bench.training.lessons import lesson_from
 from handtrack.proposer.network import (
-    NUMBERS,
     PLACED,
     Hypotheses,
     decode,
@@ -34,11 +33,9 @@ def intrinsics_of(picture):
 
 def numbers(theta, R, place, spread=-3.0):
     """What a network that is sure of one hand would say."""
-    answer = np.zeros((1, NUMBERS))
-    answer[0, 1:21], answer[0, 21:41] = theta, spread
-    answer[0, 41:47] = R[:, :2].T.ravel()
-    answer[0, 47:50], answer[0, 50:] = place, spread
-    return answer
+    axes = R[:, :2].T.ravel()
+    parts = [0.0], theta, np.full(20, spread), axes, place, np.full(3, spread)
+    return np.concatenate(parts)[None]
 
 
 def mixture(*pairs):
@@ -87,9 +84,10 @@ def test_lessons_hold_the_truth_of_their_picture(rendered):
 
 
 def test_neither_exposure_nor_scenery_is_in_the_picture(rendered):
-    grey = np.asarray(rendered[0].grey, float)
-    mask = rendered[0].alpha > 128
-    square = Square(rendered[0].at_px, 17.0)
+    shaded = max(rendered, key=lambda picture: picture.grey[picture.alpha > 128].std())
+    grey = np.asarray(shaded.grey, float)
+    mask = shaded.alpha > 128
+    square = Square(shaded.at_px, 17.0)
     darker = np.where(mask, 0.5 * grey + 10, 200)
     with_scenery = np.where(mask, grey, 33)
     a, b = picture_of(with_scenery, mask, square), picture_of(darker, mask, square)

@@ -1,7 +1,9 @@
 """What the proposer's network learns from: rendered pictures, made as bad as real ones.
 
-The silhouette is eaten at, thickened, bitten into, cut at a sleeve or at the frame; brightness is
-bent, noisy, blurred, with a gradient across; the square is not quite where it should be and turned.
+The silhouette is eaten at, thickened, bitten into, cut at a sleeve or at the frame, has holes where
+a threshold failed and lumps of what is behind; brightness is bent, noisy, blurred, blotched, with a
+gradient across (:mod:`handtrack.bench.training.exposure`); the square is not quite where it should
+be and turned.
 """
 
 from collections.abc import Callable
@@ -12,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack import rotation
+from handtrack.bench.training.exposure import exposed
 from handtrack.proposer.network import towards_ray
 from handtrack.proposer.picture import PALM_PER_DISC, Square, picture_of
 from synth.pictures import PALM_PX, SIDE_PX, Picture
@@ -44,20 +47,23 @@ def lesson_from(picture: Picture, rng: np.random.Generator) -> Lesson:
             spoiled = spoil(mask, picture, rng)
             mask = spoiled if cv2.countNonZero(spoiled) > FEWEST_PX else mask
     square = _square(mask, picture, rng)
-    seen = picture_of(_exposed(picture, rng), mask > 0, square)
+    seen = picture_of(exposed(picture, rng), mask > 0, square)
     ray = (picture.at_px - (SIDE_PX - 1) / 2) / picture.focal_px
     back = rotation.about_z(-square.turn)
     R = back @ towards_ray(ray).T @ picture.R
     at = back[:2, :2] @ (picture.at_px - square.centre_px) / square.radius_px
     place = np.array([*at, np.log(PALM_PX / square.radius_px)])
     return Lesson(
-        seen, picture.theta.astype(np.float32), R.astype(np.float32), place.astype(np.float32)
+        seen=seen,
+        theta=picture.theta.astype(np.float32),
+        R=R.astype(np.float32),
+        place=place.astype(np.float32),
     )
 
 
 def _square(mask: Mask, picture: Picture, rng: np.random.Generator) -> Square:
     """About the palm's disc or about the palm, as starts and as tracks give it, roughly upright."""
-    turn = rng.uniform(-np.pi, np.pi) if rng.random() < 0.08 else rng.normal(0, np.radians(40))
+    turn = rng.uniform(-np.pi, np.pi) if rng.random() < 0.12 else rng.normal(0, np.radians(40))
     x, y = picture.at_px
     low = np.maximum((picture.at_px - PALM_PX).astype(int), 0)
     near = cv2.distanceTransform(mask, cv2.DIST_L2, 5)[
@@ -83,8 +89,28 @@ def _bitten(mask: Mask, picture: Picture, rng: np.random.Generator) -> Mask:
     bitten = mask.copy()
     rim = np.argwhere(cv2.morphologyEx(mask, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)))
     for y, x in rim[rng.integers(len(rim), size=rng.integers(1, 4))].tolist():
-        cv2.circle(bitten, (x, y), int(rng.integers(2, 6)), int(rng.random() < 0.4), -1)
+        size = int(rng.integers(2, 6 if rng.random() < 0.8 else 13))
+        cv2.circle(bitten, (x, y), size, int(rng.random() < 0.4), -1)
     return bitten
+
+
+def _holed(mask: Mask, picture: Picture, rng: np.random.Generator) -> Mask:
+    """The darkest or the brightest is not taken for skin."""
+    inside = mask > 0
+    smooth = cv2.GaussianBlur(picture.grey, (0, 0), 1.0)
+    share = rng.uniform(0.01, 0.1)
+    low, high = np.quantile(smooth[inside], (share, 1 - share))
+    return mask * (smooth >= low if rng.random() < 0.6 else smooth <= high).astype(np.uint8)
+
+
+def _lumped(mask: Mask, picture: Picture, rng: np.random.Generator) -> Mask:
+    """Something behind the hand is taken for skin."""
+    lumped = mask.copy()
+    rim = np.argwhere(cv2.morphologyEx(mask, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)))
+    y, x = rim[rng.integers(len(rim))].tolist()
+    axes = rng.integers(4, 24, 2).tolist()
+    cv2.ellipse(lumped, (x, y), axes, float(rng.uniform(0, 180)), 0, 360, 1, -1)
+    return lumped
 
 
 def _sleeved(mask: Mask, picture: Picture, rng: np.random.Generator) -> Mask:
@@ -108,24 +134,5 @@ def _along(picture: Picture, way: Array) -> Float:
 Spoil = Callable[[Mask, Picture, np.random.Generator], Mask]
 #: What is done to a silhouette, and in what share of the lessons.
 _SPOILS: tuple[tuple[Spoil, float], ...] = (
-    (_rough, 0.5), (_bitten, 0.25), (_sleeved, 0.5), (_cut, 0.08)
+    (_holed, 0.1), (_lumped, 0.08), (_rough, 0.5), (_bitten, 0.25), (_sleeved, 0.5), (_cut, 0.08)
 )  # fmt: skip
-
-
-def _exposed(picture: Picture, rng: np.random.Generator) -> Float:
-    """The brightness as another camera and another lamp would have it."""
-    alpha, grey = picture.alpha, picture.grey.astype(np.float32)
-    rim = (alpha > 0) & (alpha < 250)
-    grey[rim] = np.minimum(grey[rim] * 255.0 / alpha[rim], 255)
-    gain = rng.uniform(1, 1.6) if rng.random() < 0.3 else 1.0
-    grey = np.minimum(255 * gain * (grey / 255) ** rng.uniform(0.6, 1.6), 255)
-    if rng.random() < 0.5:
-        grey[alpha < 100] = rng.integers(0, 256)
-    grey = grey + rng.uniform(0, 5) * rng.standard_normal(grey.shape, np.float32)
-    if rng.random() < 0.4:
-        grey = np.asarray(cv2.GaussianBlur(grey, (0, 0), rng.uniform(0.5, 1.6)), np.float32)
-    if rng.random() < 0.15:
-        angle = rng.uniform(0, 2 * np.pi)
-        slope = _along(picture, np.array([np.cos(angle), np.sin(angle)]))
-        grey = grey + rng.uniform(0, 40) / PALM_PX * slope
-    return np.asarray(grey, np.float32)

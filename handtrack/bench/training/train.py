@@ -6,8 +6,10 @@ Needs PyTorch, which nothing else here does (``pip install handtrack[training]``
 import queue
 import threading
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, fields
 from itertools import islice
+from multiprocessing import get_context
 from pathlib import Path
 
 import cv2
@@ -25,6 +27,8 @@ from synth.pictures import Picture, pictures
 #: Pictures whose lessons are drawn together.
 BATCH = 128
 AHEAD = 6
+#: Pictures that one process renders at a time.
+AT_ONCE = 300
 _WARM_UP = 200
 
 
@@ -53,11 +57,17 @@ def rendered(count: int, seed: int, cache: Path) -> list[Picture]:
             Picture(**{name: column[k] for name, column in columns.items()})
             for k in range(len(columns["focal_px"]))
         ]
-    source = pictures(np.random.default_rng(seed))
-    made = list(tqdm(islice(source, count), total=count, unit="picture"))
+    seeds = np.random.SeedSequence(seed).spawn(-(-count // AT_ONCE))
+    with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
+        parts = tqdm(pool.map(_some_pictures, seeds), total=len(seeds), unit=f"{AT_ONCE} pictures")
+        made = [picture for part in parts for picture in part][:count]
     columns = {f.name: np.array([getattr(p, f.name) for p in made]) for f in fields(Picture)}
     np.savez(cache, allow_pickle=False, **columns)
     return made
+
+
+def _some_pictures(seed: np.random.SeedSequence) -> list[Picture]:
+    return list(islice(pictures(np.random.default_rng(seed)), AT_ONCE))
 
 
 def batches(taught: list[Picture], seed: int) -> Iterator[list[Tensor]]:
@@ -95,8 +105,8 @@ def train(taught: list[Picture], settings: TrainingSettings) -> Network:
         share = step / settings.steps
         rate = settings.rate * (0.5 + 0.5 * np.cos(np.pi * share) + 0.01)
         optimiser.param_groups[0]["lr"] = rate * min(1.0, step / _WARM_UP)
-        seen, theta, R, place = next(source)
-        loss = loss_of(network(seen.to(memory_format=torch.channels_last)), theta, R, place)
+        seen, *truth = next(source)
+        loss = loss_of(network(seen.to(memory_format=torch.channels_last)), *truth)
         optimiser.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(network.parameters(), 20.0)
