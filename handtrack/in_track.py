@@ -68,7 +68,6 @@ class Track:
         self.voted_lost = False  # whether the first of them was at a fit that had failed
         self.lost = False
         self.fresh = True
-        self.tracked = 0  # frames
         self.energies: deque[float] = deque(maxlen=USUAL_FRAMES)
 
     def predicted(self) -> Estimate:

@@ -117,7 +117,7 @@ class PaperMethod(RefinedMethod):
 
     def follow(self, view: View, predicted: Estimate, rng: np.random.Generator) -> Estimate:
         """The hand in this frame, from where it was expected."""
-        start, theta = self.moved(view, predicted, self.prior(predicted)), predicted.theta
+        start, theta = self.moved(view, predicted), predicted.theta
         pose = start
         for k in range(self.paper.rounds):
             before = pose, theta

@@ -34,21 +34,10 @@ def each(function: Callable[..., T], *arguments: Iterable[Any]) -> list[T]:
 
 def both(one: Callable[[], T], other: Callable[[], U]) -> tuple[T, U]:
     """``one(), other()``, side by side."""
-    answer = beside(other)
-    return one(), answer()
-
-
-def beside(work: Callable[[], T]) -> Callable[[], T]:
-    """Begin some work on another core; what is returned waits for it and gives its result.
-
-    >>> answer = beside(lambda: 6 * 7)
-    >>> answer()
-    42
-    """
     if _is_helper():
-        result = work()
-        return lambda: result
-    return _pool(os.getpid()).submit(work).result
+        return one(), other()
+    beside = _pool(os.getpid()).submit(other)
+    return one(), beside.result()
 
 
 def _is_helper() -> bool:

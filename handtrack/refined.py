@@ -13,7 +13,6 @@ One frame::
 Search before refinement is what keeps it out of local minima; refinement is what makes it exact.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -116,7 +115,6 @@ class RefinedMethod:
         self.precision = off_line_precision(space, self.lines, settings.widen, settings.floor_deg)
         self.facing = Facing(settings.facing_frames)
         self.told: tuple[Array, Array] | None = None  # angles and spread, from the picture
-        self.question: Callable[[], Hypotheses] | None = None  # put to the proposer in this frame
 
     def prior(self, predicted: Estimate, loose: float = 1.0) -> Prior:
         """Prior about a prediction; ``loose`` multiplies its standard deviations.
@@ -144,22 +142,16 @@ class RefinedMethod:
             told_weight=told_weight,
         )
 
-    def ask(self, question: Callable[[], Hypotheses]) -> None:
-        """Have the proposer asked in the next frame: how its fingers bend, for a palm as predicted.
+    def tell(self, hypotheses: Hypotheses, predicted: Estimate) -> None:
+        """How fingers bend by the proposer, for a palm as predicted; believed until told anew.
 
-        It is believed until asked anew; where it sees no such palm it says nothing of them.
+        Where it sees no such palm it says nothing of them.
         """
-        self.question = question
+        self.told = hypotheses.angles(predicted.pose.R)
 
     def follow(self, view: View, predicted: Estimate, rng: np.random.Generator) -> Estimate:
         """The hand in this frame, from where it was expected."""
-        s, question, self.question = self.settings, self.question, None
-        prior = self.prior(predicted)
-        if question is None:
-            start = self.moved(view, predicted, prior)
-        else:
-            start, answer = both(lambda: self.moved(view, predicted, prior), question)
-            self.told = answer.angles(predicted.pose.R)
+        s, start = self.settings, self.moved(view, predicted)
         found, self.workings = self._near(view, replace(predicted, pose=start), rng)
         if rng.random() < s.tilt_share:
             found = self.best_tilt(view, found, rng)
@@ -265,8 +257,9 @@ class RefinedMethod:
             best = min(best, tried, key=lambda r: r.energy)
         return best
 
-    def moved(self, view: View, predicted: Estimate, prior: Prior) -> Pose:
+    def moved(self, view: View, predicted: Estimate) -> Pose:
         """The predicted pose, shifted to the silhouette where that lowers the energy."""
+        prior = self.prior(predicted)
         candidates = [predicted.pose]
         candidates += [
             shifted_pose(predicted.pose, shift, view.intrinsics)

@@ -12,7 +12,7 @@ The tracked model is always a right hand; :mod:`handtrack.report` turns it into 
 
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache, partial
@@ -34,7 +34,6 @@ from handtrack.in_track import Method, Track
 from handtrack.judge import JudgeSettings, confidence, overlap, status_of
 from handtrack.layers import Seen
 from handtrack.paper import PaperMethod, PaperSettings
-from handtrack.parallel import beside
 from handtrack.proposals import hypotheses_near
 from handtrack.records import Frame, FrameResult, Status
 from handtrack.refine.view import View
@@ -54,8 +53,6 @@ from handtrack.window import window_for
 Image = NDArray[np.uint8]
 #: The proposer is asked about a hand in track in one frame of so many.
 ASK_EVERY = 2
-#: The shape is calibrated anew, if wanted, in one tracked frame of so many.
-RECALIBRATE_EVERY = 5
 
 
 @dataclass(frozen=True)
@@ -111,7 +108,6 @@ class Tracker:
         self.side: str = settings.side  # what is told, or has been learned, or "auto"
         self.last_evidence: Evidence | None = None
         self.seen: Seen | None = None  # of the last frame that was followed
-        self.learned: Callable[[], None] = lambda: None  # waits for what is being learned
         self.timings_ms: dict[str, list[float]] = defaultdict(list)
 
     def step(self, frame: Frame) -> FrameResult:
@@ -190,7 +186,6 @@ class Tracker:
         self.track = None
 
     def _follow(self, frame: Frame, filmed: Image, track: Track) -> FrameResult:
-        self.learned()
         image = np.ascontiguousarray(filmed[:, ::-1]) if track.side == "left" else filmed
         judge, facing = self.settings.judge, self.settings.facing
         astray = track.misses >= judge.astray and not track.side_looks
@@ -201,7 +196,7 @@ class Tracker:
             evidence, view = self._see(image, track, predicted)
         with self._timed("method"):
             if track.method is track.searcher and frame.index % ASK_EVERY == 0:
-                track.searcher.ask(partial(hypotheses_near, view, track.searcher, predicted))
+                track.searcher.tell(hypotheses_near(view, track.searcher, predicted), predicted)
             estimate = track.method.follow(view, predicted, self.rng)
             workings = track.method.workings
         with self._timed("judge"):
@@ -216,9 +211,8 @@ class Tracker:
             return self.step(frame)
         track.accept(estimate, status)
         if status is Status.TRACKED:
-            if agreement > 0.88:  # beside all that is done before the next frame is looked at
-                self.learned = beside(partial(self._learn, image, track, evidence))
-            self._recalibrate(track, evidence)
+            with self._timed("learn"):
+                self._learn(image, track, evidence, view, agreement)
         self.last_evidence = evidence
         self.seen = Seen(frame.index, evidence, estimate, workings) if workings else None
         if status is Status.LOST:
@@ -243,41 +237,37 @@ class Tracker:
     def _tracked_camera(self, track: Track) -> Camera:
         return self.camera.mirrored() if track.side == "left" else self.camera
 
-    def _learn(self, image: Image, track: Track, evidence: Evidence) -> None:
-        """Colours and background."""
-        with self._timed("learn"):
+    def _learn(
+        self, image: Image, track: Track, evidence: Evidence, view: View, agreement: float
+    ) -> None:
+        """Colours, background, and the shape if it is still the default's."""
+        if agreement > 0.88:
             mask = evidence.mask.astype(np.uint8)
             kernel = np.ones((5, 5), np.uint8)
             track.segmenter.learn(
                 evidence.image, cv2.erode(mask, kernel) > 0, cv2.dilate(mask, kernel) == 0
             )
             track.segmenter.watch(image, evidence.mask, evidence.window)
-
-    def _recalibrate(self, track: Track, evidence: Evidence) -> None:
-        """The shape, if it is still the default's or from a poor palm, now and then."""
-        due = track.tracked % RECALIBRATE_EVERY == 0
-        track.tracked += 1
         wanted = track.quality < self.settings.start.good_quality and self.given is None
-        if not (due and wanted) or self.calibrate is None:
-            return
-        # an open palm that faces as it should tells the side, where that was a guess
-        sure = (
-            self.side != "auto"
-            or track.quality > 0
-            or facing_of(track.estimate) != self.settings.facing
-        )
-        found = recalibrated(
-            evidence, self.calibrate, HandShape.default(), self.settings.facing,
-            self.settings.start, "right" if sure else None, track.quality,
-        )  # fmt: skip
-        if found is not None and found.side == "left":
-            self._other_hand(track)
-        elif found is not None:
-            track.shape, track.quality = found.shape, found.quality
-            track.searcher = self._searcher(found.shape)
-            track.method = self._method(found.shape, track.searcher)
-            track.estimate = Estimate(found.pose, found.theta, track.estimate.theta_std)
-            track.method.restart(track.estimate, sure=True)
+        if wanted and self.calibrate is not None and len(self.timings_ms["learn"]) % 5 == 0:
+            # an open palm that faces as it should tells the side, where that was a guess
+            sure = (
+                self.side != "auto"
+                or track.quality > 0
+                or facing_of(track.estimate) != self.settings.facing
+            )
+            found = recalibrated(
+                evidence, self.calibrate, HandShape.default(), self.settings.facing,
+                self.settings.start, "right" if sure else None, track.quality,
+            )  # fmt: skip
+            if found is not None and found.side == "left":
+                self._other_hand(track)
+            elif found is not None:
+                track.shape, track.quality = found.shape, found.quality
+                track.searcher = self._searcher(found.shape)
+                track.method = self._method(found.shape, track.searcher)
+                track.estimate = Estimate(found.pose, found.theta, track.estimate.theta_std)
+                track.method.restart(track.estimate, sure=True)
 
 
 def model_mask(method: RefinedMethod, estimate: Estimate, camera: Camera) -> NDArray[np.bool_]:
