@@ -84,10 +84,16 @@ def _rough(mask: Mask, picture: Picture, rng: np.random.Generator) -> Mask:
     return np.asarray(cv2.morphologyEx(mask, _OPERATIONS[rng.integers(4)], kernel), np.uint8)
 
 
+def _rim(mask: Mask) -> NDArray[np.intp]:
+    """Pixels ``(n, 2)`` along the outline, row and column."""
+    kernel = np.ones((3, 3), np.uint8)
+    return np.argwhere(cv2.morphologyEx(mask, cv2.MORPH_GRADIENT, kernel))
+
+
 def _bitten(mask: Mask, picture: Picture, rng: np.random.Generator) -> Mask:
     """Bites and lumps at the outline."""
     bitten = mask.copy()
-    rim = np.argwhere(cv2.morphologyEx(mask, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)))
+    rim = _rim(mask)
     for y, x in rim[rng.integers(len(rim), size=rng.integers(1, 4))].tolist():
         size = int(rng.integers(2, 6 if rng.random() < 0.8 else 13))
         cv2.circle(bitten, (x, y), size, int(rng.random() < 0.4), -1)
@@ -106,7 +112,7 @@ def _holed(mask: Mask, picture: Picture, rng: np.random.Generator) -> Mask:
 def _lumped(mask: Mask, picture: Picture, rng: np.random.Generator) -> Mask:
     """Something behind the hand is taken for skin."""
     lumped = mask.copy()
-    rim = np.argwhere(cv2.morphologyEx(mask, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)))
+    rim = _rim(mask)
     y, x = rim[rng.integers(len(rim))].tolist()
     axes = rng.integers(4, 24, 2).tolist()
     cv2.ellipse(lumped, (x, y), axes, float(rng.uniform(0, 180)), 0, 360, 1, -1)
