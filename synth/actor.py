@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from synth.cardboard import CardboardActor
 from synth.handspec import HandSpec
+from synth.kinematics import mirror
 from synth.layer import Layer
 from synth.light import shade
 from synth.paint import dress, paint
@@ -19,6 +20,7 @@ from synth.scene import Scene
 from synth.skin import Skin
 from synth.spheres import SpheresActor
 from synth.surface import FOREARM_LENGTH_MM, rest_mesh
+from synth.tones import some_cloth
 
 Array = NDArray[np.float64]
 _STUB_MM = 32.0
@@ -58,9 +60,9 @@ class SmoothActor:
         self._albedo = paint(self._skin, self._look.skin, rng)
         self._is_skin: Array | None = None
         if self._look.forearm == "sleeve":
-            cloth = rng.integers((20, 40, 60), (90, 120, 200)).astype(float)
+            cloth = some_cloth(rng)
             self._albedo, self._is_skin = dress(self._albedo, self._skin, _CUFF_MM, cloth)
-        self._S = np.array([-1.0 if scene.side == "left" else 1.0, 1.0, 1.0])
+        self._S = mirror(scene.side)
         faces = self._skin.mesh.faces
         self._faces = np.ascontiguousarray(faces[:, ::-1]) if scene.side == "left" else faces
 

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from handtrack.camera import Camera
 from synth import quaternion as quat
 from synth.handspec import HandSpec
-from synth.kinematics import bone_frames
+from synth.kinematics import bone_frames, forearm_turn, mirror
 from synth.layer import Layer
 from synth.scene import Scene
+from synth.surface import FOREARM_LENGTH_MM
 from synth.tones import TONES
 
 Array = NDArray[np.float64]
@@ -64,7 +65,7 @@ def patches(theta: Array, hand: HandSpec, forearm_mm: float, wrist: Array) -> li
     pieces = [Patch(np.column_stack([flat, np.zeros(len(flat))]), 1.0)]
     w0, w1 = hand.wrist_mm[0], hand.wrist_mm[0] + 0.04 * forearm_mm
     stub = np.array([(w0, 0, 0), (-w0, 0, 0), (-w1, -forearm_mm, 0), (w1, -forearm_mm, 0.0)])
-    turn = quat.multiply(quat.turn("z", wrist[1]), quat.turn("x", wrist[0]))
+    turn = forearm_turn(wrist)
     pieces.append(Patch(quat.rotate(turn, stub), 0.97))
     for bone in range(15):
         d, j = divmod(bone, 3)
@@ -91,8 +92,8 @@ class CardboardActor:
         self._hand = HandSpec.named(scene.hand)
         self._camera = scene.camera
         self._tone = np.array(TONES[scene.look.skin], float)
-        self._forearm_mm = 32.0 if scene.look.forearm == "stub" else 260.0
-        self._S = np.array([-1.0 if scene.side == "left" else 1.0, 1.0, 1.0])
+        self._forearm_mm = 32.0 if scene.look.forearm == "stub" else FOREARM_LENGTH_MM
+        self._S = mirror(scene.side)
 
     def __enter__(self) -> "CardboardActor":
         return self

@@ -24,7 +24,7 @@ from synth.actor import Actor, make_actor
 from synth.background import background
 from synth.export import as_hand_shape
 from synth.handspec import HandSpec
-from synth.kinematics import keypoints_mm
+from synth.kinematics import keypoints_mm, mirror
 from synth.motion import Film
 from synth.scene import Scene
 
@@ -74,11 +74,6 @@ class Truth:
         camera = Camera(fx, fy, cx, cy, int(width), int(height))
         side, fps = str(values.pop("side")), float(values.pop("fps"))
         return cls(camera=camera, side=side, fps=fps, **values)
-
-
-def mirror(side: str) -> Array:
-    """``S``: what turns the right hand's palm frame into this hand's."""
-    return np.array([-1.0 if side == "left" else 1.0, 1.0, 1.0])
 
 
 def truth_of(scene: Scene, film: Film, mask: NDArray[np.uint8]) -> Truth:

@@ -42,6 +42,17 @@ def bone_frames(theta: ArrayLike, hand: HandSpec) -> tuple[Array, Array, Array]:
     return q.reshape(*lead, 15, 4), start.reshape(*lead, 15, 3), end.reshape(*lead, 15, 3)
 
 
+def forearm_turn(wrist: ArrayLike) -> Array:
+    """Quaternion ``(4,)`` of a forearm turned by ``wrist`` ``(2,)`` about x, then z, radians."""
+    about_x, about_z = np.asarray(wrist, float)
+    return quat.multiply(quat.turn("z", about_z), quat.turn("x", about_x))
+
+
+def mirror(side: str) -> Array:
+    """``S``: what turns the right hand's palm frame into this hand's."""
+    return np.array([-1.0 if side == "left" else 1.0, 1.0, 1.0])
+
+
 def keypoints_mm(theta: ArrayLike, hand: HandSpec) -> Array:
     """The 21 keypoints ``(..., 21, 3)`` in the palm frame."""
     _, start, end = bone_frames(theta, hand)

@@ -69,10 +69,15 @@ class _Skinned:
         self.albedo = paint(self.skin, tone, rng)
 
     def draw(
-        self, theta: Array, R: Array, t_mm: Array, renderer: Renderer, rng: np.random.Generator
+        self,
+        theta: Array,
+        R: Array,
+        t_mm: Array,
+        wrist: Array,
+        renderer: Renderer,
+        rng: np.random.Generator,
     ) -> NDArray[np.uint8] | None:
         """RGBA, or None where an arm reaches behind the camera."""
-        wrist = rng.normal(0, np.radians(12), 2)
         v = self.skin.pose(theta, (float(wrist[0]), float(wrist[1])))
         seen = v @ R.T + t_mm
         if seen[:, 2].min() < _NEAREST_MM:
@@ -90,10 +95,15 @@ class _Cardboard:
         self.hand, self.arm_mm, self.tone = hand, arm_mm, np.array(TONES[tone], float)
 
     def draw(
-        self, theta: Array, R: Array, t_mm: Array, renderer: Renderer, rng: np.random.Generator
+        self,
+        theta: Array,
+        R: Array,
+        t_mm: Array,
+        wrist: Array,
+        renderer: Renderer,
+        rng: np.random.Generator,
     ) -> NDArray[np.uint8] | None:
         """As :meth:`_Skinned.draw`."""
-        wrist = rng.normal(0, np.radians(12), 2)
         pieces = patches(theta, self.hand, self.arm_mm, wrist)
         seen = [Patch(p.corners @ R.T + t_mm, p.shade) for p in pieces]
         if min(p.corners[:, 2].min() for p in seen) < _NEAREST_MM:
@@ -143,7 +153,8 @@ def _picture(
     middle = 0.5 * palm + 0.25 * (points.min(axis=0) + points.max(axis=0))
     offset = rng.normal(0, 4.0, 2)
     t_mm = np.array([offset[0] - middle[0], offset[1] - middle[1], distance_mm - palm[2]])
-    rgba = actor.draw(theta, R, t_mm, renderer, rng)
+    wrist = rng.normal(0, np.radians(12), 2)
+    rgba = actor.draw(theta, R, t_mm, wrist, renderer, rng)
     if rgba is None:
         return None
     grey = (rgba[..., :3] @ _BRIGHTNESS).astype(np.uint8)

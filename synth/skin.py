@@ -14,7 +14,7 @@ from scipy import sparse
 
 from synth import quaternion as quat
 from synth.handspec import HandSpec
-from synth.kinematics import bone_frames
+from synth.kinematics import bone_frames, forearm_turn
 from synth.surface import REST_THETA, Mesh
 
 Array = NDArray[np.float64]
@@ -124,7 +124,7 @@ class Skin:
         q0, start0, _ = self._rest
         turn = quat.multiply(q, quat.conjugate(q0))
         move = start - quat.rotate(turn, start0)
-        arm = quat.multiply(quat.turn("z", wrist[1]), quat.turn("x", wrist[0]))
+        arm = forearm_turn(wrist)
         motions = np.concatenate(
             [
                 quat.dual([[1.0, 0, 0, 0]], np.zeros((1, 3))),

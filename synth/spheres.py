@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from synth import quaternion as quat
 from synth.handspec import HandSpec
-from synth.kinematics import bone_frames
+from synth.kinematics import bone_frames, forearm_turn, mirror
 from synth.layer import Layer
 from synth.scene import Scene
-from synth.tones import TONES
+from synth.surface import FOREARM_LENGTH_MM
+from synth.tones import TONES, some_cloth
 
 Array = NDArray[np.float64]
 #: The forearm's number among the parts; the palm is before it, the bones are the first 15.
@@ -25,7 +26,7 @@ _FINE = 2  # drawn this many times as large, then reduced: smooth rims
 _BALLS, _BALLS_OF_ARM = 16, 30
 _FAN = np.linspace(0, 1, 9)
 _AMBIENT, _GLOSS_POWER = 0.25, 30.0
-_STUB_MM, _FOREARM_MM = 40.0, 260.0
+_STUB_MM = 40.0
 _NEAREST_MM = 30.0
 
 
@@ -34,14 +35,14 @@ class SpheresActor:
 
     def __init__(self, scene: Scene) -> None:
         self._hand, self._camera = HandSpec.named(scene.hand), scene.camera
-        self._S = np.array([-1.0 if scene.side == "left" else 1.0, 1.0, 1.0])
-        self._arm_mm = _STUB_MM if scene.look.forearm == "stub" else _FOREARM_MM
+        self._S = mirror(scene.side)
+        self._arm_mm = _STUB_MM if scene.look.forearm == "stub" else FOREARM_LENGTH_MM
         rng = np.random.default_rng([scene.seed, 9])
         self._girth = np.exp(rng.normal(0.03, 0.06) + rng.normal(0, 0.08, (5, 4)))
         self._tone = np.array(TONES[scene.look.skin]) * np.exp(rng.normal(0, 0.06, (17, 1)))
         self._sleeve = scene.look.forearm == "sleeve"
         if self._sleeve:
-            self._tone[ARM] = rng.integers((20, 40, 60), (90, 120, 200))
+            self._tone[ARM] = some_cloth(rng)
         way = rng.normal(size=(int(rng.integers(1, 3)), 3))
         way[:, 1:] = -np.abs(way[:, 1:]) - (0.0, 0.5)  # from above and before the hand
         way /= np.linalg.norm(way, axis=1, keepdims=True)
@@ -86,8 +87,7 @@ def balls(
 
     def sweep(a: Array, b: Array, r: tuple[float, float], part: int, n: int = _BALLS) -> None:
         w = np.linspace(0, 1, n)
-        along = np.asarray(a) + w[:, None] * (np.asarray(b) - np.asarray(a))
-        sweeps.append((along, r[0] + w * (r[1] - r[0]), np.full(n, part)))
+        sweeps.append((a + w[:, None] * (b - a), r[0] + w * (r[1] - r[0]), np.full(n, part)))
 
     for bone in range(15):
         d, j = divmod(bone, 3)
@@ -102,9 +102,8 @@ def balls(
     ball = 0.6 * start[0] + 0.4 * end[0]
     sweep(np.array([width, 4.0, 0.0]), ball, (0.75 * hand.thenar_mm, 0.8 * hand.thenar_mm), 15)
     sweep(index, ball, (0.8 * thick[1], radius[0, 1]), 15)
-    turn = quat.multiply(quat.turn("z", wrist[1]), quat.turn("x", wrist[0]))
-    down = quat.rotate(turn, np.array([0.0, -arm_mm, 0.0]))
-    share = arm_mm / _FOREARM_MM
+    down = quat.rotate(forearm_turn(wrist), np.array([0.0, -arm_mm, 0.0]))
+    share = arm_mm / FOREARM_LENGTH_MM
     thin = hand.wrist_mm[1], hand.wrist_mm[1] + share * (hand.forearm_mm[1] - hand.wrist_mm[1])
     for x in np.linspace(-1, 1, 5):
         at_wrist = np.array([x * (hand.wrist_mm[0] - hand.wrist_mm[1]), 0.0, 0.0])

@@ -1,4 +1,7 @@
-"""Tones of skin, from very light to very dark."""
+"""Tones of skin, from very light to very dark, and of sleeves."""
+
+import numpy as np
+from numpy.typing import NDArray
 
 #: sRGB in even light.
 TONES: dict[str, tuple[int, int, int]] = {
@@ -9,3 +12,8 @@ TONES: dict[str, tuple[int, int, int]] = {
     "brown": (132, 88, 62),
     "dark": (86, 57, 42),
 }
+
+
+def some_cloth(rng: np.random.Generator) -> NDArray[np.float64]:
+    """A sleeve's sRGB colour ``(3,)``."""
+    return rng.integers((20, 40, 60), (90, 120, 200)).astype(float)
