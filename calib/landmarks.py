@@ -39,7 +39,7 @@ Mask = NDArray[np.bool_]
 USUAL_REACH_R = np.array([1.35, 1.75, 1.95, 1.8, 1.35])
 
 #: Reach over the usual, and angle between neighbours, beyond which it is no open hand.
-REACH_RANGE = (0.4, 1.6)
+REACH_RANGE = (0.4, 1.8)
 #: The wrist: levels below the palm, how far ahead they are compared, and its greatest width.
 LEVEL_STEP_R = 0.05
 NECK_LEVELS = 10

@@ -19,7 +19,7 @@ import numpy as np
 from handtrack import rotation
 from handtrack.camera import Camera
 from handtrack.estimate import Estimate
-from handtrack.evidence.evidence import see, window_around
+from handtrack.evidence.evidence import see_candidate
 from handtrack.evidence.orientation import Image
 from handtrack.evidence.silhouette import Segmenter
 from handtrack.in_track import Track
@@ -184,7 +184,7 @@ def recover(
     segmenter = track.segmenter
     anything = segmenter.find(image) or Segmenter.bootstrap(image, segmenter.background)
     for candidate in anything[:2]:
-        evidence = see(image, window_around(candidate.mask), camera, segmenter)
+        *_, evidence = see_candidate(image, candidate.mask, camera, segmenter)
         view = View.of(evidence)
         found = find_hand(
             view, track.searcher, ("palm", "back"), rng,

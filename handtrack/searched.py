@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from handtrack.camera import Camera
 from handtrack.estimate import Estimate
 from handtrack.evidence.candidates import Candidate
-from handtrack.evidence.evidence import see, window_around
+from handtrack.evidence.evidence import see_candidate
 from handtrack.evidence.orientation import Image
 from handtrack.evidence.silhouette import Segmenter
 from handtrack.hand.shape import HandShape
@@ -27,6 +27,8 @@ from handtrack.start import Start, StartSettings
 
 #: Silhouettes of a frame in which the hand is sought.
 SILHOUETTES = 2
+#: Less plausible ones than this share of the best are none.
+AS_LIKELY = 0.6
 
 
 class SearchedStart:
@@ -74,6 +76,7 @@ class SearchedStart:
         if frame % self.settings.look_every:
             return None
         likely = silhouettes()[:SILHOUETTES]
+        likely = [c for c in likely if c.score >= AS_LIKELY * likely[0].score]
         found = {side: self._best(image, likely, camera, side, rng) for side in self.sides}
         starts = {side: start for side, start in found.items() if start is not None}
         good = {s for s, x in starts.items() if x.overlap >= self.settings.min_overlap}
@@ -103,7 +106,7 @@ class SearchedStart:
         for candidate in candidates:
             mask = candidate.mask[:, ::-1] if flip else candidate.mask
             segmenter = Segmenter.from_mask(picture, mask)
-            evidence = see(picture, window_around(mask), seen_by, segmenter)
+            *_, evidence = see_candidate(picture, mask, seen_by, segmenter)
             if solidity(evidence.mask) > self.settings.max_solidity:
                 continue  # a fist fits any round thing: wait for a finger
             view = View.of(evidence)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from handtrack.camera import Camera
 from handtrack.estimate import Estimate
 from handtrack.evidence.candidates import Candidate
-from handtrack.evidence.evidence import Evidence, see, window_around
+from handtrack.evidence.evidence import Evidence, see_candidate
 from handtrack.evidence.silhouette import Segmenter
 from handtrack.hand.shape import HandShape
 from handtrack.parallel import each
@@ -111,17 +111,19 @@ def calibrated_start(
 
     def start_on(candidate: Candidate) -> Start | None:
         segmenter = Segmenter.from_mask(image, candidate.mask)
-        evidence = see(image, window_around(candidate.mask), camera, segmenter)
-        found = calibrate(
-            evidence.mask,
-            evidence.camera,
-            default=default,
-            side=None if side == "auto" else side,
-            facing=facing,
-            visible=evidence.visible,
-            fit_shape=fit_shape,
-            min_quality=settings.min_quality,
-        )
+        for evidence in see_candidate(image, candidate.mask, camera, segmenter):
+            found = calibrate(
+                evidence.mask,
+                evidence.camera,
+                default=default,
+                side=None if side == "auto" else side,
+                facing=facing,
+                visible=evidence.visible,
+                fit_shape=fit_shape,
+                min_quality=settings.min_quality,
+            )
+            if found.ok:
+                break
         if not found.ok:
             return None
         return Start(

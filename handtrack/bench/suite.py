@@ -35,7 +35,7 @@ SUITES: dict[str, tuple[str, ...]] = {
         "cold_start",
         "leaves_and_returns",
     ),
-    "more": ("curls", "recorded", "back", "spheres"),
+    "more": ("alike", "curls", "recorded", "back", "spheres"),
     "reduced": ("paper", "clean", "turning", "forearm"),
 }
 SUITES["all"] = SUITES["paper"] + SUITES["smooth"] + SUITES["more"]

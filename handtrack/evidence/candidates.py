@@ -23,13 +23,14 @@ it is a hand; here only the plainly impossible is dropped.
 (1, 0, True)
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from handtrack.evidence import shape_cue
 from handtrack.evidence.background import Background, shrink, smooth_backdrop
 from handtrack.evidence.colour import ColourModel, largest_channel, to_ycc
 from handtrack.records import freeze_arrays
@@ -48,6 +49,8 @@ LEAST_CHROMA_SIGMA = 0.05
 #: So many of the best candidates are also tried without what is of another colour, if what is left
 #: is such a share of them.
 PURIFIED, PURER_SHARE = 2, (0.5, 0.985)
+#: Long sides of the pictures that the shape cue sees.
+SHAPE_SIDES_PX = (160, 320)
 #: A hand takes this share of the picture.
 AREA_RANGE = (0.008, 0.6)
 
@@ -79,11 +82,16 @@ def find_candidates(frame_rgb: Pixels, background: Background | None = None) -> 
     """Candidate silhouettes of a whole frame ``(H, W, 3)``, the most plausible first."""
     small = shrink(frame_rgb, LONG_SIDE_PX)
     soft = np.asarray(cv2.GaussianBlur(small, (3, 3), 0), np.uint8)
-    return ranked(soft, _guesses(frame_rgb, soft, background), frame_rgb.shape[1::-1])
+    shapes = [_shape(frame_rgb, side, soft.shape[1::-1]) for side in SHAPE_SIDES_PX]
+    guesses = _guesses(frame_rgb, soft, background, shapes)
+    return ranked(soft, guesses, frame_rgb.shape[1::-1], shapes)
 
 
 def ranked(
-    rgb: Pixels, guesses: Iterable[tuple[str, Mask]], size: tuple[int, ...]
+    rgb: Pixels,
+    guesses: Iterable[tuple[str, Mask]],
+    size: tuple[int, ...],
+    shapes: Sequence[Float] = (),
 ) -> list[Candidate]:
     """Candidates among the parts of guesses, the most plausible first, without copies.
 
@@ -94,12 +102,18 @@ def ranked(
     guesses : of (cue, (h, w) mask)
     size : (2,)
         Width and height of the frame, which the candidates get.
+    shapes : of (h, w)
+        Log odds by the shape cue, if it was asked; what it takes for a hand is more plausible.
     """
     gradient = _gradient(rgb)
+    seen = [np.asarray(1 / (1 + np.exp(-odds)), np.float32) for odds in shapes]
     found: list[Candidate] = []
     for cue, guess in guesses:
         for mask in components(guess):
-            if (score := plausibility(rgb, mask, gradient)) > 0:
+            score = plausibility(rgb, mask, gradient)
+            if score > 0 and seen:
+                score *= 0.1 + 0.9 * max(_overlap(mask, P) for P in seen)
+            if score > 0:
                 found.append(Candidate(mask, score, cue))
     found.sort(key=lambda candidate: -candidate.score)
     return [
@@ -188,9 +202,12 @@ def plausibility(rgb: Pixels, mask: Mask, gradient: Float) -> float:
 
 
 def _guesses(
-    frame_rgb: Pixels, soft: Pixels, background: Background | None
+    frame_rgb: Pixels, soft: Pixels, background: Background | None, shapes: Sequence[Float]
 ) -> Iterator[tuple[str, Mask]]:
     """First guesses of each cue, refined, ``(h, w)``."""
+    for odds in shapes:
+        yield "shape", odds > 0
+        yield "shape", refine(soft, np.clip(odds, -4, 4), fading=1.0)
     skin = refine(soft, skin_log_odds(soft))
     yield "skin", skin
     backdrop, sigma = smooth_backdrop(soft)
@@ -218,7 +235,13 @@ def _guesses(
         yield "clusters", part
 
 
-def refine(rgb: Pixels, log_odds: Float, rounds: int = 3) -> Mask:
+def _shape(frame_rgb: Pixels, side_px: int, size: tuple[int, ...]) -> Float:
+    """Log odds by the shape cue, which sees the frame so large, at a size."""
+    odds = shape_cue.log_odds(shrink(frame_rgb, side_px))
+    return np.asarray(cv2.resize(odds, size), np.float32)
+
+
+def refine(rgb: Pixels, log_odds: Float, rounds: int = 3, fading: float = 0.5) -> Mask:
     """A mask from first log odds ``(h, w)``, by rounds of learning colours and relabelling.
 
     The first log odds stay as a prior, halved every round, so that rounds cannot wander far.
@@ -231,7 +254,7 @@ def refine(rgb: Pixels, log_odds: Float, rounds: int = 3) -> Mask:
         if not 0.002 < p.mean() < 0.9:
             break
         colours = ColourModel.from_samples(flat, flat, p, 1 - p)
-        log_odds = np.clip(colours.log_odds(rgb), -4, 4) + prior * np.float32(0.5**k)
+        log_odds = np.clip(colours.log_odds(rgb), -4, 4) + prior * np.float32(fading**k)
     return np.asarray(cv2.GaussianBlur(log_odds, (5, 5), 0) > 0, bool)
 
 
@@ -269,6 +292,11 @@ def _separation(rgb: Pixels, mask: Mask) -> float:
     return float(1 - np.sqrt(f * b).sum() / max(np.sqrt(f.sum() * b.sum()), 1.0))
 
 
+def _overlap(mask: Mask, P: Float) -> float:
+    """Overlap over union of a mask ``(h, w)`` and a probability of it."""
+    return float(P[mask].sum() / (mask.sum() + P[~mask].sum()))
+
+
 def _gradient(rgb: Pixels) -> Float:
     """Gradient magnitude ``(h, w)``, largest within a pixel, over that of a clear edge."""
     picture = rgb.astype(np.float32)
@@ -291,14 +319,21 @@ def _with_purer_ones(rgb: Pixels, found: list[Candidate]) -> list[Candidate]:
         out.append(c)
         parts = components(one_coloured(rgb, c.mask)) if rank < PURIFIED else []
         if parts and PURER_SHARE[0] < parts[0].sum() / c.mask.sum() < PURER_SHARE[1]:
-            out.append(Candidate(parts[0], c.score, "pure"))
+            others = found[:rank] + found[rank + 1 :]
+            if not any(_alike(parts[0], other.mask) for other in others):
+                out.append(Candidate(parts[0], c.score, "pure"))
     return out
 
 
+def _alike(one: Mask, other: Mask) -> bool:
+    """Whether two masks are nearly copies (overlap over union above 0.9)."""
+    return bool((one & other).sum() >= 0.9 * (one | other).sum())
+
+
 def _distinct(found: list[Candidate]) -> list[Candidate]:
-    """The candidates without near copies of better ones (overlap over union above 0.9)."""
+    """The candidates without near copies of better ones."""
     kept: list[Candidate] = []
     for c in found:
-        if all((c.mask & k.mask).sum() < 0.9 * (c.mask | k.mask).sum() for k in kept):
+        if not any(_alike(c.mask, k.mask) for k in kept):
             kept.append(c)
     return kept

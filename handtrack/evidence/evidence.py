@@ -16,7 +16,8 @@ that alone.
 (True, (128, 128))
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -37,6 +38,8 @@ Mask = NDArray[np.bool_]
 SEED_INSIDE, SEED_OUTSIDE = 1.0, 2.0
 #: Distance from the seed's outline at which it says all it can.
 SEED_REACH_PX = 24.0
+#: A silhouette that meets the window's border in so many pixels is cut; then so much more is seen.
+CUT_PX, WIDER = 6, 1.4
 #: The outline this near the frame's border is where the frame ends, not the hand.
 BORDER_PX = 2.0
 
@@ -168,6 +171,22 @@ def see(
     )
 
 
+def see_candidate(
+    frame_rgb: Pixels, mask: Mask, camera: Camera, segmenter: Segmenter
+) -> Iterator[Evidence]:
+    """The evidence about a rough silhouette ``(H, W)``, such as a candidate's.
+
+    Where what is found goes on beyond the window, a second one follows, of a wider window.
+    """
+    window = window_around(mask)
+    evidence = see(frame_rgb, window, camera, segmenter)
+    yield evidence
+    rim = evidence.mask.copy()
+    rim[1:-1, 1:-1] = False
+    if np.count_nonzero(rim) >= CUT_PX:
+        yield see(frame_rgb, _widened(window), camera, segmenter)
+
+
 def confidence(log_odds: Float, visible: Mask, mask: Mask, outline: Outline) -> float:
     """How well the colours still tell hand from background, 0 to 1.
 
@@ -216,6 +235,14 @@ def window_around(mask: Mask, size_px: int = 256, margin: float = 0.12) -> Windo
     scale = min(1.0, size_px / (extent * (1 + 2 * margin)))
     half = (size_px - 1) / 2 / scale
     return Window(float(centre[0] - half), float(centre[1] - half), scale, size_px, size_px)
+
+
+def _widened(window: Window) -> Window:
+    """A window about the same middle that shows ``WIDER`` times as much each way."""
+    scale = window.scale / WIDER
+    x, y = window.to_frame((window.width_px / 2, window.height_px / 2))
+    left, top = x - window.width_px / 2 / scale, y - window.height_px / 2 / scale
+    return replace(window, x_px=float(left), y_px=float(top), scale=scale)
 
 
 def _visible(frame_rgb: Pixels, window: Window) -> Mask:

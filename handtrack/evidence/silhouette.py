@@ -9,7 +9,8 @@ Two cues meet in one ratio of densities over colour ``x`` at pixel ``p``::
 ``mu_p`` is what :class:`~handtrack.evidence.background.Background` saw here without the hand
 (``w = 0`` where it saw nothing, or the camera moves); ``shadow`` is that colour dimmed along its
 own ray towards black. Skin-like wood is then background where it is known to stand, and a
-shadow on the wall stays wall.
+shadow on the wall stays wall. Where colours alone take too much of one for the other, the log odds
+of the :mod:`~handtrack.evidence.shape_cue` are added to theirs.
 
 A :class:`Segmenter` belongs to one clip and learns: :meth:`Segmenter.learn` the colours, from
 masks of which the tracker is sure, and :meth:`Segmenter.watch` the background. Both are slow.
@@ -30,10 +31,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.camera import Window
+from handtrack.evidence import shape_cue
 from handtrack.evidence.background import Background, shrink
 from handtrack.evidence.candidates import LONG_SIDE_PX, Candidate, find_candidates, ranked
 from handtrack.evidence.colour import ColourModel, brightened
-from handtrack.evidence.odds import log_odds_image
+from handtrack.evidence.odds import MOST, log_odds_image
 
 Pixels = NDArray[np.uint8]
 Float = NDArray[np.float32]
@@ -43,6 +45,12 @@ Mask = NDArray[np.bool_]
 SHADOW_SHARE = 0.05
 #: What is joined to the hand by colour and more of the frame than this is a table, no forearm.
 MOST_COVERED = 0.5
+#: Share of the hand and of what is around it that colours may take for the other without help.
+MOST_MISTAKEN = 0.03
+#: Scales at which the shape cue then sees the picture; its answers are averaged.
+SHAPE_SCALES = (0.5, 0.75)
+#: Log odds from which the shape cue is sure.
+SURE_SHAPE = 2.0
 #: Where shadows would swallow more of the first silhouette than this, there are none.
 MOST_SHADOW = 0.03
 
@@ -68,6 +76,8 @@ class Segmenter:
         Learned from a first silhouette, see :meth:`from_mask`.
     background : Background or None
         What was seen before the hand came; a fresh one if None.
+    by_shape : bool
+        Colours cannot tell hand and background apart: the shape cue helps them.
     """
 
     def __init__(
@@ -75,8 +85,9 @@ class Segmenter:
         colours: ColourModel,
         background: Background | None = None,
         settings: SegmenterSettings | None = None,
+        by_shape: bool = False,
     ) -> None:
-        self.colours = colours
+        self.colours, self.by_shape = colours, by_shape
         self.background = Background() if background is None else background
         self.settings = SegmenterSettings() if settings is None else settings
         self._watched = 0
@@ -102,13 +113,14 @@ class Segmenter:
         colours = _learn_colours(small, inside)
         if _shadows_swallow(colours, small, inside):
             colours = _learn_colours(small, inside, shadows=False)
+        odds = colours.log_odds(np.asarray(cv2.GaussianBlur(small, (3, 3), 0), np.uint8))
+        shape = _by_shape(small)
+        by_shape = _need_help(odds, shape, inside)
         near = cv2.dilate(inside.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
-        relabelled = (
-            colours.log_odds(np.asarray(cv2.GaussianBlur(small, (3, 3), 0), np.uint8)) > 0
-        ) & near
+        relabelled = ((odds + shape if by_shape else odds) > 0) & near
         if relabelled.sum() > 0.5 * inside.sum():
             colours = _learn_colours(small, relabelled, colours.shadows)
-        segmenter = cls(colours, background)
+        segmenter = cls(colours, background, by_shape=by_shape)
         segmenter.background.forget(mask)
         segmenter.background.assume(frame_rgb, mask)
         return segmenter
@@ -141,7 +153,8 @@ class Segmenter:
         known = window is not None and self.background.known.any()
         local = self.background.through(window) if window is not None and known else None
         shadow = SHADOW_SHARE if self.colours.shadows else 0.0
-        return log_odds_image(rgb, ycc, self.colours.table, local, shadow, gain)
+        odds = log_odds_image(rgb, ycc, self.colours.table, local, shadow, gain)
+        return np.clip(odds + _by_shape(rgb), -MOST, MOST) if self.by_shape else odds
 
     def learn(self, rgb: Pixels, inside: Mask, outside: Mask) -> None:
         """Follow the colours of a crop, slowly.
@@ -178,7 +191,7 @@ class Segmenter:
 
     def mirrored(self) -> "Segmenter":
         """The segmenter of the clip flipped left to right."""
-        return Segmenter(self.colours, self.background.mirrored(), self.settings)
+        return Segmenter(self.colours, self.background.mirrored(), self.settings, self.by_shape)
 
     def _covered(self, frame_rgb: Pixels, hand: Mask, window: Window) -> Mask:
         """The hand and what is joined to it by colour, at a small size ``(h, w)``."""
@@ -197,6 +210,44 @@ class Segmenter:
         joined = np.unique(labels[seed])
         covered = np.isin(labels, joined[joined > 0])
         return covered if covered.mean() < MOST_COVERED else seed
+
+
+def _by_shape(rgb: Pixels) -> Float:
+    """Log odds ``(h, w)`` of the shape cue, the mean of how it sees the picture at two scales."""
+    h, w = rgb.shape[:2]
+    answers = []
+    for scale in SHAPE_SCALES:
+        size = (max(1, round(scale * w)), max(1, round(scale * h)))
+        seen = np.asarray(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), np.uint8)
+        answers.append(cv2.resize(shape_cue.log_odds(seen), (w, h)))
+    return np.mean(answers, axis=0, dtype=np.float32)
+
+
+def _need_help(odds: Float, shape: Float, inside: Mask) -> bool:
+    """Whether colours cannot tell a hand ``inside`` from what is around it.
+
+    They take some of one for the other, or so they do by what the shape cue is sure of.
+
+    Parameters
+    ----------
+    odds, shape : (h, w)
+        Log odds by colours and by shape.
+    inside : (h, w) bool
+    """
+    mask, kernel = inside.astype(np.uint8), np.ones((5, 5), np.uint8)
+    deep = cv2.erode(mask, kernel, borderValue=1) > 0
+    near = cv2.dilate(mask, np.ones((41, 41), np.uint8)) > 0
+    around = near & (cv2.dilate(mask, kernel) == 0)
+    hand = odds > 0
+    seen, denied = near & (shape > SURE_SHAPE), shape < -SURE_SHAPE
+    mistaken = max(_share(~hand, deep), _share(hand, around))
+    contested = min(_share(~hand, seen), _share(denied, near & hand))
+    return max(mistaken, contested) > MOST_MISTAKEN
+
+
+def _share(what: Mask, where: Mask) -> float:
+    """Share of ``where`` that is ``what``; 0 of nothing."""
+    return float(what[where].mean()) if where.any() else 0.0
 
 
 def _shadows_swallow(colours: ColourModel, small: Pixels, inside: Mask) -> bool:

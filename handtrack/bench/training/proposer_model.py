@@ -8,51 +8,28 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from handtrack.bench.training.blocks import Block, convolved
 from handtrack.proposer.network import LOG_SPREAD, LOG_STD, NUMBERS
 from handtrack.proposer.picture import SIDE_PX
 
 HYPOTHESES = 5
+#: Channels at a half, a quarter, an eighth and a sixteenth of the picture's resolution.
 WIDTHS = (20, 36, 72, 160)
 HIDDEN = 384
 #: How much every hypothesis learns from every hand, so that none is left without any.
 ALL_LEARN, SOFTNESS = 0.02, 20.0
 
 
-class Block(nn.Module):
-    """Two convolutions beside a shortcut (He et al. 2016)."""
-
-    def __init__(self, width: int) -> None:
-        super().__init__()
-        self.first = nn.Conv2d(width, width, 3, padding=1, bias=False)
-        self.first_norm = nn.BatchNorm2d(width)
-        self.second = nn.Conv2d(width, width, 3, padding=1, bias=False)
-        self.second_norm = nn.BatchNorm2d(width)
-
-    def forward(self, x: Tensor) -> Tensor:
-        """``(n, width, h, w)`` in and out."""
-        y = functional.relu(self.first_norm(self.first(x)))
-        return functional.relu(x + self.second_norm(self.second(y)))
-
-
-def halved(wide_in: int, wide_out: int, size: int = 3) -> nn.Sequential:
-    """A convolution that halves the picture."""
-    return nn.Sequential(
-        nn.Conv2d(wide_in, wide_out, size, stride=2, padding=size // 2, bias=False),
-        nn.BatchNorm2d(wide_out),
-        nn.ReLU(),
-    )
-
-
-class Network(nn.Module):
+class ProposerNetwork(nn.Module):
     """Pictures ``(n, 2, SIDE_PX, SIDE_PX)`` to answers ``(n, HYPOTHESES * NUMBERS)``."""
 
     def __init__(self) -> None:
         super().__init__()
         a, b, c, d = WIDTHS
         self.body = nn.Sequential(
-            *(halved(2, a, 5), halved(a, b), Block(b), halved(b, c), Block(c)),
-            *(halved(c, d), Block(d)),
-            *(nn.Conv2d(d, 64, 1, bias=False), nn.BatchNorm2d(64), nn.ReLU(), nn.Flatten()),
+            *(convolved(2, a, 5, stride=2), convolved(a, b, stride=2), Block(b)),
+            *(convolved(b, c, stride=2), Block(c), convolved(c, d, stride=2), Block(d)),
+            *(convolved(d, 64, 1), nn.Flatten()),
         )
         self.hidden = nn.Linear(64 * (SIDE_PX // 16) ** 2, HIDDEN)
         self.out = nn.Linear(HIDDEN, HYPOTHESES * NUMBERS)

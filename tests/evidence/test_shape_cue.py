@@ -1,0 +1,92 @@
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from handtrack.camera import Camera
+from handtrack.evidence import shape_cue
+from handtrack.evidence.candidates import find_candidates, skin_log_odds
+from handtrack.evidence.evidence import see, window_around
+from handtrack.evidence.silhouette import Segmenter
+
+
+def overlap(a, b):
+    return (a & b).sum() / max((a | b).sum(), 1)
+
+
+@pytest.mark.parametrize("tone", ["pale", "brown", "dark", "blue"])
+@pytest.mark.parametrize("ground", ["wood", "clutter", "gradient"])
+def test_a_hand_is_seen_whatever_its_colour(drawing, tone, ground):
+    place = getattr(drawing, ground)((120, 160))
+    drawn = drawing.draw(place, drawing.SKIN[tone], drawing.spread(), scale=0.45)
+    assert overlap(shape_cue.log_odds(drawn.image) > 0, drawn.mask) > 0.5
+
+
+def test_a_hand_is_seen_that_has_the_colour_of_the_wood_behind_it(drawing):
+    wood = drawing.wood((120, 160), (150, 104, 74))
+    drawn = drawing.draw(wood, (150, 104, 74), drawing.spread(), scale=0.45)
+    assert overlap(skin_log_odds(drawn.image) > 0, drawn.mask) < 0.3
+    assert overlap(shape_cue.log_odds(drawn.image) > 0, drawn.mask) > 0.6
+
+
+@pytest.mark.parametrize("ground", ["plain", "gradient", "wood", "clutter"])
+def test_no_hand_is_seen_where_there_is_none(drawing, ground):
+    place = getattr(drawing, ground)((120, 160)).astype(np.uint8)
+    assert (shape_cue.log_odds(place) > 0).mean() < 0.02
+
+
+def test_any_size_of_picture_gets_an_answer_of_its_size():
+    rng = np.random.default_rng(0)
+    for size in ((1, 1), (31, 33), (240, 135), (64, 64)):
+        answer = shape_cue.log_odds(rng.integers(0, 256, (*size, 3), dtype=np.uint8))
+        assert answer.shape == size
+        assert np.isfinite(answer).all()
+
+
+def test_threads_that_ask_at_once_get_their_own_answers():
+    rng = np.random.default_rng(0)
+    asked = [rng.integers(0, 256, (64, 64, 3), dtype=np.uint8) for _ in range(8)]
+    alone = [shape_cue.log_odds(picture) for picture in asked]
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(shape_cue.log_odds, asked))
+    np.testing.assert_array_equal(together, alone)
+
+
+def test_colours_that_cannot_tell_are_helped_and_others_are_not(drawing):
+    wood = drawing.wood(colour=(150, 104, 74))
+    for place, alike in ((wood, True), (drawing.plain(), False)):
+        drawn = drawing.draw(place, (150, 104, 74), drawing.spread())
+        segmenter = Segmenter.from_mask(drawn.image, drawn.mask)
+        assert segmenter.by_shape == alike
+        assert segmenter.mirrored().by_shape == alike
+
+
+def test_the_outline_of_a_hand_before_its_own_colour_is_nearer_with_the_cue(drawing):
+    drawn = drawing.draw(drawing.wood(colour=(150, 104, 74)), (150, 104, 74), drawing.spread())
+    segmenter = Segmenter.from_mask(drawn.image, drawn.mask)
+    window = window_around(drawn.mask)
+    camera = Camera.assumed_for(640, 480)
+
+    def nearness():
+        evidence = see(drawn.image, window, camera, segmenter)
+        y, x = np.nonzero(evidence.mask)
+        x, y = np.rint(window.to_frame(np.column_stack([x, y]))).astype(int).T
+        seen = np.zeros_like(drawn.mask)
+        seen[y.clip(0, 479), x.clip(0, 639)] = True
+        return overlap(seen, drawn.mask)
+
+    helped = nearness()
+    segmenter.by_shape = False
+    assert helped > nearness()
+
+
+def test_the_cue_brings_such_a_hand_to_the_first_candidates(drawing, monkeypatch):
+    drawn = drawing.draw(drawing.wood(colour=(150, 104, 74)), (150, 104, 74), drawing.spread())
+
+    def best_of_two():
+        return max(overlap(c.mask, drawn.mask) for c in find_candidates(drawn.image)[:2])
+
+    seen = best_of_two()
+    monkeypatch.setattr(shape_cue, "log_odds", lambda rgb: np.zeros(rgb.shape[:2], np.float32))
+    assert seen > 0.55
+    assert best_of_two() < 0.1
