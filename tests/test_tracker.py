@@ -104,12 +104,13 @@ def test_a_wrong_guess_of_the_side_is_found_out(right, monkeypatch) -> None:
 
 def test_a_better_open_palm_takes_the_place_of_a_poorer_one(right) -> None:
     images, scene = right
-    wanted = []
+    wanted, begun = [], []
 
     def calibrate(mask, camera, **options):
         found = calibrate_hand(mask, camera, **options)
         if tracker.track is None:
-            return replace(found, quality=0.5)
+            return replace(found, quality=0.5 * found.quality)
+        begun.append(tracker.track.quality)
         wanted.append(options["min_quality"])
         return replace(found, quality=0.95)
 
@@ -118,7 +119,8 @@ def test_a_better_open_palm_takes_the_place_of_a_poorer_one(right) -> None:
         tracker.step(Frame(k, k / 30, image))
     assert tracker.track is not None
     assert tracker.track.quality == 0.95
-    assert wanted == [0.5 + StartSettings().better_quality]  # and once it is good, no more is asked
+    better = StartSettings().better_quality
+    assert wanted == [begun[0] + better]  # and once it is good, no more is asked
 
 
 def test_frames_that_cannot_be_decoded_are_said_to_be(right) -> None:

@@ -113,13 +113,14 @@ class Segmenter:
         colours = _learn_colours(small, inside)
         if _shadows_swallow(colours, small, inside):
             colours = _learn_colours(small, inside, shadows=False)
-        odds = colours.log_odds(np.asarray(cv2.GaussianBlur(small, (3, 3), 0), np.uint8))
-        shape = _by_shape(small)
-        by_shape = _need_help(odds, shape, inside)
+        soft = np.asarray(cv2.GaussianBlur(small, (3, 3), 0), np.uint8)
+        odds, shape = colours.log_odds(soft), _by_shape(small)
+        helped = odds + shape if _need_help(odds, shape, inside) else odds
         near = cv2.dilate(inside.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
-        relabelled = ((odds + shape if by_shape else odds) > 0) & near
+        relabelled = (helped > 0) & near
         if relabelled.sum() > 0.5 * inside.sum():
-            colours = _learn_colours(small, relabelled, colours.shadows)
+            inside, colours = relabelled, _learn_colours(small, relabelled, colours.shadows)
+        by_shape = _need_help(colours.log_odds(soft), shape, inside)
         segmenter = cls(colours, background, by_shape=by_shape)
         segmenter.background.forget(mask)
         segmenter.background.assume(frame_rgb, mask)

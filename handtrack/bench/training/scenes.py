@@ -30,7 +30,7 @@ PALM_RANGE_PX = (14.0, 80.0)
 #: How often there is none, one, or another behind it.
 HANDS = (0.06, 0.84, 0.1)
 #: Share of the hands that stand before something of their own colour.
-_ALIKE = 0.2
+_ALIKE = 0.25
 _LUMA = np.array([0.3, 0.59, 0.11], np.float32)
 _SIZE = (SIDE_PX, SIDE_PX)
 _XY = np.mgrid[:SIDE_PX, :SIDE_PX][::-1].astype(np.float32)
