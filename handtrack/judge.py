@@ -79,7 +79,8 @@ def overlap(hand: CapsuleHand, estimate: Estimate, view: View, wrist_line_mm: fl
 
 def outline_seen(estimate: Estimate, view: View, wrist_line_mm: float) -> float:
     """Share of the silhouette's outline that lies above the estimate's wrist, so must be met."""
-    return float(np.mean(view.contour_weights(estimate.pose, wrist_line_mm) > 0))
+    weight = view.contour_weights(estimate.pose, wrist_line_mm)
+    return float(np.mean(weight > 0)) if len(weight) else 0.0
 
 
 def confidence(overlap: float, settings: JudgeSettings) -> float:
