@@ -3,6 +3,9 @@
 Nothing is known of the clip, so several independent cues each propose, on a small picture
 (320 px on the long side), and every proposal is scored by the same questions:
 
+- *shape*: what a network takes for a hand, whatever its colour
+  (:mod:`~handtrack.evidence.shape_cue`), at two sizes of the picture; other cues' proposals are the
+  more plausible the more they overlap with it;
 - *skin*: a prior over chromaticity that holds from very pale to very dark skin, under any light
   that a camera has balanced: ``(log R/G, log G/B) ~ N``. Skin differs in brightness far more than
   in this;
@@ -66,8 +69,8 @@ class Candidate:
     score : float
         Plausibility between 0 and 1; only the order means something.
     cue : str
-        What proposed it: "skin", "backdrop", "motion", "parts", "clusters" or "learned"; "pure"
-        for the one-coloured part of the candidate before it.
+        What proposed it: "shape", "skin", "backdrop", "motion", "parts", "clusters" or "learned";
+        "pure" for the one-coloured part of the candidate before it.
     """
 
     mask: Mask
@@ -244,7 +247,8 @@ def _shape(frame_rgb: Pixels, side_px: int, size: tuple[int, ...]) -> Float:
 def refine(rgb: Pixels, log_odds: Float, rounds: int = 3, fading: float = 0.5) -> Mask:
     """A mask from first log odds ``(h, w)``, by rounds of learning colours and relabelling.
 
-    The first log odds stay as a prior, halved every round, so that rounds cannot wander far.
+    The first log odds stay as a prior, times ``fading`` every round, so that rounds cannot wander
+    far.
     """
     prior = log_odds
     flat = rgb[::2, ::2].reshape(-1, 3)

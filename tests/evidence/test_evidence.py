@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from handtrack.camera import Camera, Window
-from handtrack.evidence.evidence import Evidence, crop, see, window_around
+from handtrack.evidence.evidence import Evidence, crop, see, see_candidate, window_around
 from handtrack.evidence.picture import draw_evidence
 from handtrack.evidence.silhouette import Segmenter, SegmenterSettings
 
@@ -193,3 +193,20 @@ def test_real_hand_every_fortieth_frame(shared):
             assert (evidence.sdf[joints[:, 1], joints[:, 0]] < 3).mean() > 0.9, k
             assert evidence.confidence > 0.8, k
             assert evidence.contour_snapped.mean() > 0.9
+
+
+def test_a_candidate_that_is_cut_is_looked_at_in_a_wider_window(drawing):
+    drawn = drawing.draw(
+        drawing.plain(), drawing.SKIN["light"], drawing.spread(), scale=1.2, forearm=False
+    )
+    segmenter = Segmenter.from_mask(drawn.image, drawn.mask)
+    y, x = np.nonzero(drawn.mask)
+    palm = drawn.mask.copy()
+    palm[: int(y.min() + 0.45 * np.ptp(y))] = False  # the fingers were not found
+    narrow, wide = see_candidate(drawn.image, palm, CAMERA, segmenter)
+    assert wide.window.scale < narrow.window.scale
+    np.testing.assert_allclose(
+        wide.window.to_frame((128, 128)), narrow.window.to_frame((128, 128)), atol=0.01
+    )
+    assert wide.mask.sum() / wide.window.scale**2 > 1.1 * narrow.mask.sum() / narrow.window.scale**2
+    assert len(list(see_candidate(drawn.image, drawn.mask, CAMERA, segmenter))) == 1
