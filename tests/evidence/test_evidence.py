@@ -200,7 +200,7 @@ def test_a_candidate_that_is_cut_is_looked_at_in_a_wider_window(drawing):
         drawing.plain(), drawing.SKIN["light"], drawing.spread(), scale=1.2, forearm=False
     )
     segmenter = Segmenter.from_mask(drawn.image, drawn.mask)
-    y, x = np.nonzero(drawn.mask)
+    y = np.nonzero(drawn.mask)[0]
     palm = drawn.mask.copy()
     palm[: int(y.min() + 0.45 * np.ptp(y))] = False  # the fingers were not found
     narrow, wide = see_candidate(drawn.image, palm, CAMERA, segmenter)
