@@ -9,13 +9,11 @@ the outline.
 (60, 80)
 """
 
-import threading
-from functools import cache
-from importlib import resources
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+
+from handtrack.trained import TrainedNetwork, shipped
 
 Pixels = NDArray[np.uint8]
 Float = NDArray[np.float32]
@@ -25,38 +23,15 @@ WEIGHTS = "shape_cue.onnx"
 MULTIPLE_PX = 32
 
 
-class Network:
-    """A trained network of the shape cue.
-
-    Parameters
-    ----------
-    onnx : bytes
-        Takes RGB ``(1, 3, h, w)``, 0 to 255, gives log odds ``(1, 1, h / 2, w / 2)``.
-    """
-
-    def __init__(self, onnx: bytes) -> None:
-        self._network = cv2.dnn.readNetFromONNX(np.frombuffer(onnx, np.uint8))
-        self._lock = threading.Lock()  # a cv2 network is not to be asked twice at a time
-
-    def log_odds(self, rgb: Pixels) -> Float:
-        """As :func:`log_odds`."""
-        h, w = rgb.shape[:2]
-        below, right = -h % MULTIPLE_PX, -w % MULTIPLE_PX
-        padded = cv2.copyMakeBorder(rgb, 0, below, 0, right, cv2.BORDER_REPLICATE)
-        with self._lock:
-            self._network.setInput(padded.astype(np.float32).transpose(2, 0, 1)[None])
-            answer = np.asarray(self._network.forward(), np.float32)[0, 0]
-        return np.asarray(cv2.resize(answer, padded.shape[1::-1])[:h, :w], np.float32)
-
-
-@cache
-def _shipped() -> Network:
-    return Network((resources.files("handtrack.evidence") / WEIGHTS).read_bytes())
-
-
-def log_odds(rgb: Pixels) -> Float:
+def log_odds(rgb: Pixels, network: TrainedNetwork | None = None) -> Float:
     """Log odds ``(h, w)`` of hand or bare forearm in a picture ``(h, w, 3)``.
 
-    The palm should be 14 to 80 px long in it.
+    The palm should be 14 to 80 px long in it. Another ``network`` than the shipped one takes RGB
+    ``(1, 3, h, w)``, 0 to 255, and gives log odds ``(1, 1, h / 2, w / 2)``.
     """
-    return _shipped().log_odds(rgb)
+    network = network or shipped("handtrack.evidence", WEIGHTS)
+    h, w = rgb.shape[:2]
+    below, right = -h % MULTIPLE_PX, -w % MULTIPLE_PX
+    padded = cv2.copyMakeBorder(rgb, 0, below, 0, right, cv2.BORDER_REPLICATE)
+    answer = network(padded.astype(np.float32).transpose(2, 0, 1)[None])[0, 0]
+    return np.asarray(cv2.resize(answer, padded.shape[1::-1])[:h, :w], np.float32)

@@ -9,19 +9,15 @@ OpenCV in two milliseconds.
 It only proposes. What it says is searched and refined like any other seed.
 """
 
-import threading
 from dataclasses import dataclass, fields
-from functools import cache
-from importlib import resources
-from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from handtrack import rotation
 from handtrack.proposer.picture import Square, picture_of
 from handtrack.records import freeze_arrays
+from handtrack.trained import shipped
 
 Array = NDArray[np.float64]
 WEIGHTS = "proposer.onnx"
@@ -127,12 +123,6 @@ class Hypotheses:
         return float(np.logaddexp.reduce(logs))
 
 
-@cache
-def _network() -> tuple[Any, threading.Lock]:
-    data = (resources.files("handtrack.proposer") / WEIGHTS).read_bytes()
-    return cv2.dnn.readNetFromONNX(np.frombuffer(data, np.uint8)), threading.Lock()
-
-
 def propose(
     grey: NDArray, mask: NDArray[np.bool_], square: Square, intrinsics: Array
 ) -> Hypotheses:
@@ -149,10 +139,7 @@ def propose(
     intrinsics : (4,)
         ``fx, fy, cx, cy`` of the image.
     """
-    network, lock = _network()
-    with lock:  # a cv2 network is not to be asked twice at a time
-        network.setInput(picture_of(grey, mask, square)[None])
-        answer = network.forward()
+    answer = shipped("handtrack.proposer", WEIGHTS)(picture_of(grey, mask, square)[None])
     return decode(np.asarray(answer, float).reshape(-1, NUMBERS), square, intrinsics)
 
 

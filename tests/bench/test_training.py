@@ -10,6 +10,7 @@ import pytest
 from handtrack.evidence import shape_cue as shipped_cue
 from handtrack.proposer.network import NUMBERS
 from handtrack.proposer.picture import SIDE_PX
+from handtrack.trained import TrainedNetwork
 from synth.pictures import pictures
 
 torch = pytest.importorskip("torch")
@@ -57,5 +58,7 @@ def test_a_few_steps_lower_the_shape_cues_loss_and_opencv_reads_what_is_written(
         answer = learned(seen).numpy()[0, 0]
     assert after < before
     shape_cue.write(learned, tmp_path / "net.onnx")
-    network = shipped_cue.Network((tmp_path / "net.onnx").read_bytes())
-    np.testing.assert_allclose(network.log_odds(picture), cv2.resize(answer, (96, 64)), atol=1e-3)
+    network = TrainedNetwork((tmp_path / "net.onnx").read_bytes())
+    np.testing.assert_allclose(
+        shipped_cue.log_odds(picture, network), cv2.resize(answer, (96, 64)), atol=1e-3
+    )
