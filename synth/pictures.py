@@ -32,7 +32,8 @@ OF_A_HAND, OF_A_LENS = 60, 10
 #: Share of the hands that are of cardboard.
 CARDBOARD = 0.1
 _VOXEL_MM, _NEAREST_MM = 3.0, 60.0
-_BRIGHTNESS = np.array([0.3, 0.59, 0.11])
+#: Of red, green and blue in brightness.
+BRIGHTNESS = np.array([0.3, 0.59, 0.11])
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,6 +158,6 @@ def _picture(
     rgba = actor.draw(theta, R, t_mm, wrist, renderer, rng)
     if rgba is None:
         return None
-    grey = (rgba[..., :3] @ _BRIGHTNESS).astype(np.uint8)
+    grey = (rgba[..., :3] @ BRIGHTNESS).astype(np.uint8)
     at_px = camera.project((palm + t_mm)[None])[0]
     return Picture(grey, rgba[..., 3], theta, R, at_px, camera.fx_px)

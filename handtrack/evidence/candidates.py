@@ -85,7 +85,8 @@ def find_candidates(frame_rgb: Pixels, background: Background | None = None) -> 
     """Candidate silhouettes of a whole frame ``(H, W, 3)``, the most plausible first."""
     small = shrink(frame_rgb, LONG_SIDE_PX)
     soft = np.asarray(cv2.GaussianBlur(small, (3, 3), 0), np.uint8)
-    shapes = [_shape(frame_rgb, side, soft.shape[1::-1]) for side in SHAPE_SIDES_PX]
+    seen = [shrink(frame_rgb, side) for side in SHAPE_SIDES_PX]
+    shapes = [shape_cue.log_odds_sized(picture, soft.shape[1::-1]) for picture in seen]
     guesses = _guesses(frame_rgb, soft, background, shapes)
     return ranked(soft, guesses, frame_rgb.shape[1::-1], shapes)
 
@@ -113,10 +114,9 @@ def ranked(
     found: list[Candidate] = []
     for cue, guess in guesses:
         for mask in components(guess):
-            score = plausibility(rgb, mask, gradient)
-            if score > 0 and seen:
-                score *= 0.1 + 0.9 * max(_overlap(mask, P) for P in seen)
-            if score > 0:
+            if (score := plausibility(rgb, mask, gradient)) > 0:
+                if seen:
+                    score *= 0.1 + 0.9 * max(_overlap(mask, P) for P in seen)
                 found.append(Candidate(mask, score, cue))
     found.sort(key=lambda candidate: -candidate.score)
     return [
@@ -236,12 +236,6 @@ def _guesses(
             yield "parts", whole & skin
     for part in colour_clusters(soft, np.ones_like(skin), 4):
         yield "clusters", part
-
-
-def _shape(frame_rgb: Pixels, side_px: int, size: tuple[int, ...]) -> Float:
-    """Log odds by the shape cue, which sees the frame so large, at a size."""
-    odds = shape_cue.log_odds(shrink(frame_rgb, side_px))
-    return np.asarray(cv2.resize(odds, size), np.float32)
 
 
 def refine(rgb: Pixels, log_odds: Float, rounds: int = 3, fading: float = 0.5) -> Mask:

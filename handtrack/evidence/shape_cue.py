@@ -35,3 +35,8 @@ def log_odds(rgb: Pixels, network: TrainedNetwork | None = None) -> Float:
     padded = cv2.copyMakeBorder(rgb, 0, below, 0, right, cv2.BORDER_REPLICATE)
     answer = network(padded.astype(np.float32).transpose(2, 0, 1)[None])[0, 0]
     return np.asarray(cv2.resize(answer, padded.shape[1::-1])[:h, :w], np.float32)
+
+
+def log_odds_sized(rgb: Pixels, size: tuple[int, ...]) -> Float:
+    """The log odds of a picture, blown up or down to a width and height ``size``."""
+    return np.asarray(cv2.resize(log_odds(rgb), size), np.float32)

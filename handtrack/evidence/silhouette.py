@@ -220,7 +220,7 @@ def _by_shape(rgb: Pixels) -> Float:
     for scale in SHAPE_SCALES:
         size = (max(1, round(scale * w)), max(1, round(scale * h)))
         seen = np.asarray(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), np.uint8)
-        answers.append(cv2.resize(shape_cue.log_odds(seen), (w, h)))
+        answers.append(shape_cue.log_odds_sized(seen, (w, h)))
     return np.mean(answers, axis=0, dtype=np.float32)
 
 

@@ -76,10 +76,14 @@ def _sloped(grey: Float, picture: Picture, rng: np.random.Generator) -> Float:
 
 
 def _packed(grey: Float, picture: Picture, rng: np.random.Generator) -> Float:
-    """Blocks of a bad encoder."""
-    quality = [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(15, 60))]
-    ok, data = cv2.imencode(".jpg", np.clip(grey, 0, 255).astype(np.uint8), quality)
-    return np.asarray(cv2.imdecode(data, cv2.IMREAD_GRAYSCALE), np.float32) if ok else grey
+    pixels = np.clip(grey, 0, 255).astype(np.uint8)
+    return packed(pixels, int(rng.integers(15, 60))).astype(np.float32)
+
+
+def packed(pixels: NDArray[np.uint8], quality: int) -> NDArray[np.uint8]:
+    """A picture ``(h, w)`` or ``(h, w, 3)`` in the blocks of a bad encoder."""
+    ok, data = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    return np.asarray(cv2.imdecode(data, cv2.IMREAD_UNCHANGED), np.uint8) if ok else pixels
 
 
 Change = Callable[[Float, Picture, np.random.Generator], Float]

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from handtrack.bench.training.exposure import packed
 from handtrack.bench.training.grounds import (
     SIDE_PX,
     Image,
@@ -22,7 +23,7 @@ from handtrack.bench.training.grounds import (
     some_skin,
     texture,
 )
-from synth.pictures import PALM_PX, Picture
+from synth.pictures import BRIGHTNESS, PALM_PX, Picture
 from synth.pictures import SIDE_PX as PICTURE_PX
 
 #: Length of a palm in a scene.
@@ -31,7 +32,7 @@ PALM_RANGE_PX = (14.0, 80.0)
 HANDS = (0.06, 0.84, 0.1)
 #: Share of the hands that stand before something of their own colour.
 _ALIKE = 0.25
-_LUMA = np.array([0.3, 0.59, 0.11], np.float32)
+_LUMA = BRIGHTNESS.astype(np.float32)
 _SIZE = (SIDE_PX, SIDE_PX)
 _XY = np.mgrid[:SIDE_PX, :SIDE_PX][::-1].astype(np.float32)
 
@@ -174,7 +175,5 @@ def _taken(image: Image, rng: np.random.Generator) -> Pixels:
     image = image + rng.uniform(0, 9) * rng.standard_normal(image.shape, np.float32)
     pixels = np.clip(image, 0, 255).astype(np.uint8)
     if rng.random() < 0.3:
-        quality = [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(20, 80))]
-        ok, data = cv2.imencode(".jpg", pixels, quality)
-        pixels = np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), np.uint8) if ok else pixels
+        pixels = packed(pixels, int(rng.integers(20, 80)))
     return pixels
