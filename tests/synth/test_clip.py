@@ -37,6 +37,20 @@ def test_the_same_scene_gives_the_same_bytes(tiny: Scene, surface, tmp_path, req
     assert (tmp_path / "a/clip.mp4").read_bytes() != (tmp_path / "c/clip.mp4").read_bytes()
 
 
+@pytest.mark.parametrize("width_px", [240, 256, 322])
+def test_a_film_does_not_depend_on_what_memory_held(cardboard: Scene, width_px, tmp_path) -> None:
+    scene = replace(cardboard, width_px=width_px, height_px=180, focal_px=225.0)
+    scene = replace(scene, motion=replace(scene.motion, frames=10))
+    rng = np.random.default_rng(0)
+    films = set()
+    for k in range(8):
+        used = [rng.integers(0, 255, n, np.uint8) for n in rng.integers(1000, 400_000, 20)]
+        del used
+        write_clip(scene, tmp_path / f"{k}")
+        films.add((tmp_path / f"{k}" / "clip.mp4").read_bytes())
+    assert len(films) == 1
+
+
 def test_what_lies_beside_a_clip(cardboard: Scene, tmp_path) -> None:
     said = write_clip(cardboard, tmp_path)
     truth = Truth.load(tmp_path / "truth.npz")
