@@ -197,7 +197,7 @@ class _Encoder:
         self._stream.width, self._stream.height = scene.width_px, scene.height_px
         self._stream.pix_fmt = "yuv420p"
         self._stream.thread_count = 1
-        options = {"crf": str(scene.look.crf), "preset": "veryfast"}
+        options: dict[str, object] = {"crf": str(scene.look.crf), "preset": "veryfast"}
         # x264 weighs blocks of 16 pixels by what later frames take from them, eight at a time, and
         # at the end of a row that eight do not fill by whatever lies in memory behind it
         if -(-scene.width_px // 16) % 8:
