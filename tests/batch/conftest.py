@@ -9,9 +9,9 @@ from handtrack.run import RunSettings, run_clip
 from synth.clip import write_clip
 from synth.scene import Scene
 
-#: Frames of the clips: the first is long enough to be met in the middle; "d" shows no open palm,
-#: and its side is told at the second try, five frames on.
-N_FRAMES = {"long": 60, "b": 10, "c": 10, "d": 12, "ä e": 10}
+#: Frames of the clips: the first is long enough to be met in the middle; "c" and "d" show no palm
+#: that is open enough, and their side is told at the second try, five frames on.
+N_FRAMES = {"long": 60, "b": 10, "c": 12, "d": 12, "ä e": 10}
 TABLES = ("angles.csv", "keypoints.csv")
 
 
