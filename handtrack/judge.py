@@ -64,6 +64,10 @@ class JudgeSettings:
     """Frames without a tracked one after which the hand is lost."""
     wrist_line_mm: float = 6.0
     """The evidence stops this far above the wrist."""
+    decided: float = 0.94
+    """Decidedness of the evidence from which an angle's deviation is as the curvature gives it."""
+    undecided: float = 14.0
+    """Growth of its factor with what is missing; both fitted on the benchmark, seeds 3 to 5."""
 
 
 def overlap(hand: CapsuleHand, estimate: Estimate, view: View, wrist_line_mm: float) -> float:
@@ -87,6 +91,15 @@ def confidence(overlap: float, settings: JudgeSettings) -> float:
     """From 0 where the hand counts as lost to 1 where model and silhouette agree to 95 %."""
     span = 0.95 - settings.lost_overlap
     return float(np.clip((overlap - settings.lost_overlap) / span, 0.0, 1.0))
+
+
+def doubtful(decided: float, settings: JudgeSettings) -> float:
+    """Factor on standard deviations: an outline that is half a guess may be met, and be wrong.
+
+    >>> doubtful(0.95, JudgeSettings()), round(doubtful(0.8, JudgeSettings()), 2)
+    (1.0, 2.96)
+    """
+    return 1.0 + settings.undecided * max(settings.decided - decided, 0.0)
 
 
 def status_of(overlap: float, misses: int, settings: JudgeSettings) -> Status:

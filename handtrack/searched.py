@@ -17,7 +17,7 @@ from handtrack.estimate import Estimate
 from handtrack.evidence.candidates import Candidate
 from handtrack.evidence.evidence import see_candidate
 from handtrack.evidence.orientation import Image
-from handtrack.evidence.silhouette import Segmenter
+from handtrack.evidence.silhouette import Segmenter, seen_by_shape
 from handtrack.hand.shape import HandShape
 from handtrack.proposals import hypotheses_of
 from handtrack.refine.view import View
@@ -102,10 +102,11 @@ class SearchedStart:
         flip = side == "left"
         picture = np.ascontiguousarray(image[:, ::-1]) if flip else image
         seen_by = camera.mirrored() if flip else camera
+        shape = seen_by_shape(picture) if candidates else None
         starts = []
         for candidate in candidates:
             mask = candidate.mask[:, ::-1] if flip else candidate.mask
-            segmenter = Segmenter.from_mask(picture, mask)
+            segmenter = Segmenter.from_mask(picture, mask, shape=shape)
             *_, evidence = see_candidate(picture, mask, seen_by, segmenter)
             if solidity(evidence.mask) > self.settings.max_solidity:
                 continue  # a fist fits any round thing: wait for a finger

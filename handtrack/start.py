@@ -17,7 +17,7 @@ from handtrack.camera import Camera
 from handtrack.estimate import Estimate
 from handtrack.evidence.candidates import Candidate
 from handtrack.evidence.evidence import Evidence, see_candidate
-from handtrack.evidence.silhouette import Segmenter
+from handtrack.evidence.silhouette import Segmenter, seen_by_shape
 from handtrack.hand.shape import HandShape
 from handtrack.parallel import each
 from handtrack.records import Pose
@@ -110,7 +110,7 @@ def calibrated_start(
     """
 
     def start_on(candidate: Candidate) -> Start | None:
-        segmenter = Segmenter.from_mask(image, candidate.mask)
+        segmenter = Segmenter.from_mask(image, candidate.mask, shape=shape)
         for evidence in see_candidate(image, candidate.mask, camera, segmenter):
             found = calibrate(
                 evidence.mask,
@@ -138,6 +138,7 @@ def calibrated_start(
 
     starts: list[Start] = []
     likely = candidates[: settings.candidates]
+    shape = seen_by_shape(image) if likely else None
     for k in range(0, len(likely), 2):
         starts += [start for start in each(start_on, likely[k : k + 2]) if start is not None]
         if any(start.overlap >= settings.clear for start in starts):

@@ -14,7 +14,7 @@ import time
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from typing import Literal
 
@@ -31,7 +31,7 @@ from handtrack.hand.shape import HandShape
 from handtrack.hand.space import ConfigurationSpace
 from handtrack.hand.space import default as default_space
 from handtrack.in_track import Method, Track
-from handtrack.judge import JudgeSettings, confidence, overlap, status_of
+from handtrack.judge import JudgeSettings, confidence, doubtful, overlap, status_of
 from handtrack.layers import Seen
 from handtrack.paper import PaperMethod, PaperSettings
 from handtrack.proposals import hypotheses_near
@@ -217,9 +217,10 @@ class Tracker:
         self.seen = Seen(frame.index, evidence, estimate, workings) if workings else None
         if status is Status.LOST:
             return FrameResult.unknown(frame.index, frame.time_s, side=track.side)
+        factor = doubtful(evidence.decided, judge)
         return result_of(
             frame,
-            estimate,
+            replace(estimate, theta_std=factor * estimate.theta_std),
             status,
             confidence(agreement, judge),
             track.side,

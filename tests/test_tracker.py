@@ -42,6 +42,20 @@ def tracked(right) -> tuple[list[FrameResult], Tracker]:
     return track(*right)
 
 
+def test_a_doubtful_outline_widens_what_is_stated_and_nothing_else(
+    right, tracked, monkeypatch
+) -> None:
+    see = tracker_module.see
+
+    def doubted(*arguments):
+        return replace(see(*arguments), decided=0.8)
+
+    monkeypatch.setattr(tracker_module, "see", doubted)
+    for sure, unsure in zip(tracked[0][:4], track(right[0][:4], right[1])[0], strict=True):
+        np.testing.assert_array_equal(sure.theta, unsure.theta)
+        assert (unsure.theta_std > 2 * sure.theta_std).all()
+
+
 def test_it_starts_by_itself_and_follows(tracked) -> None:
     results, tracker = tracked
     assert [r.status for r in results] == [Status.TRACKED] * len(results)

@@ -77,8 +77,11 @@ class Evidence:
         Thinned edges, the outline and those inside the hand, sub-pixel; unit normals, either sign.
     edge_point_strength : (k,) float32
         Strength of each.
+    decided : float
+        0 to 1: how surely pixels are hand or not, in the hand and around it, mean ``|2 P - 1|``.
     confidence : float
-        0 to 1: how well the segmenter still describes this picture (see :func:`confidence`).
+        That times the share of the outline that lies on an edge of the picture: how well the
+        segmenter still describes this picture.
     """
 
     window: Window
@@ -97,6 +100,7 @@ class Evidence:
     edge_points: Float
     edge_normals: Float
     edge_point_strength: Float
+    decided: float
     confidence: float
 
     def __post_init__(self) -> None:
@@ -148,6 +152,7 @@ def see(
         return outline, signed_distance(extended, outline)
 
     (outline, sdf), edges = both(around, lambda: edges_of(gradient, extended))
+    decided = decidedness(log_odds, visible, extended) if len(outline.points) else 0.0
     kept = _inside(outline.points, frame_rgb, window)
     on_edge = _inside(edges.points, frame_rgb, window)
     return Evidence(
@@ -167,7 +172,8 @@ def see(
         edge_points=edges.points[on_edge],
         edge_normals=edges.normals[on_edge],
         edge_point_strength=edges.point_strength[on_edge],
-        confidence=confidence(log_odds, visible, extended, outline),
+        decided=decided,
+        confidence=decided * float(outline.snapped.mean()) if decided else 0.0,
     )
 
 
@@ -187,18 +193,13 @@ def see_candidate(
         yield see(frame_rgb, _widened(window), camera, segmenter)
 
 
-def confidence(log_odds: Float, visible: Mask, mask: Mask, outline: Outline) -> float:
-    """How well the colours still tell hand from background, 0 to 1.
-
-    The product of how decided the hand's own pixels and those around it are (mean ``|2 P - 1|``)
-    and of the share of the outline that lies on an edge of the picture. No hand: 0.
-    """
-    if mask.sum() < 50 or len(outline.points) == 0:
+def decidedness(log_odds: Float, visible: Mask, mask: Mask) -> float:
+    """Mean ``|2 P - 1|`` of the hand's own pixels and of those around it; 0 for no hand."""
+    if mask.sum() < 50:
         return 0.0
     few = (slice(None, None, 3), slice(None, None, 3))
     near = cv2.dilate(mask[few].view(np.uint8), np.ones((5, 5), np.uint8)) > 0
-    decided = float(np.mean(np.abs(np.tanh(0.5 * log_odds[few][near & visible[few]]))))
-    return decided * float(outline.snapped.mean())
+    return float(np.mean(np.abs(np.tanh(0.5 * log_odds[few][near & visible[few]]))))
 
 
 def crop(frame_rgb: Pixels, window: Window) -> Pixels:

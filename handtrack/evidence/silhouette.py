@@ -100,12 +100,17 @@ class Segmenter:
 
     @classmethod
     def from_mask(
-        cls, frame_rgb: Pixels, mask: Mask, background: Background | None = None
+        cls,
+        frame_rgb: Pixels,
+        mask: Mask,
+        background: Background | None = None,
+        shape: Float | None = None,
     ) -> "Segmenter":
         """Learn from a whole frame ``(H, W, 3)`` and a first silhouette in it ``(H, W)``.
 
         Only the sure parts teach: a rim about the outline is left out, then the silhouette is
-        relabelled by what was learned, once, so that a rough mask does.
+        relabelled by what was learned, once, so that a rough mask does. ``shape`` is what
+        :func:`seen_by_shape` says of the frame, if it was asked already.
         """
         small = shrink(frame_rgb, LONG_SIDE_PX)
         size = small.shape[1::-1]
@@ -114,7 +119,7 @@ class Segmenter:
         if _shadows_swallow(colours, small, inside):
             colours = _learn_colours(small, inside, shadows=False)
         soft = np.asarray(cv2.GaussianBlur(small, (3, 3), 0), np.uint8)
-        odds, shape = colours.log_odds(soft), _by_shape(small)
+        odds, shape = colours.log_odds(soft), _by_shape(small) if shape is None else shape
         helped = odds + shape if _need_help(odds, shape, inside) else odds
         near = cv2.dilate(inside.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
         relabelled = (helped > 0) & near
@@ -211,6 +216,11 @@ class Segmenter:
         joined = np.unique(labels[seed])
         covered = np.isin(labels, joined[joined > 0])
         return covered if covered.mean() < MOST_COVERED else seed
+
+
+def seen_by_shape(frame_rgb: Pixels) -> Float:
+    """Log odds of hand in a whole frame by the shape cue ``(h, w)``, at the size of candidates."""
+    return _by_shape(shrink(frame_rgb, LONG_SIDE_PX))
 
 
 def _by_shape(rgb: Pixels) -> Float:

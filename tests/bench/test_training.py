@@ -46,7 +46,7 @@ def test_a_few_steps_lower_the_shape_cues_loss_and_opencv_reads_what_is_written(
     from handtrack.bench.training.shape_model import ShapeNetwork, shape_loss
 
     rng = np.random.default_rng(5)
-    grounds = [ground([], rng) for _ in range(20)]
+    grounds = [ground([], [], rng) for _ in range(20)]
     test = shape_cue.some_scenes(shown, grounds, 30)(np.random.default_rng(4))
     learned = shape_cue.trained(shown, grounds, replace(shape_cue.SHIPPED, steps=30))
     torch.manual_seed(0)

@@ -24,7 +24,7 @@ def fist():
 @pytest.fixture(scope="module")
 def grounds():
     rng = np.random.default_rng(0)
-    return [ground([], rng) for _ in range(12)]
+    return [ground([], [], rng) for _ in range(12)]
 
 
 def scenes(fist, grounds, seed, count=60):
@@ -71,7 +71,7 @@ def test_palms_are_as_long_as_stated(fist, grounds):
 
 def test_grounds_and_shapes_differ():
     rng = np.random.default_rng(2)
-    assert len({ground([], rng).tobytes() for _ in range(10)}) == 10
+    assert len({ground([], [], rng).tobytes() for _ in range(10)}) == 10
     assert len({some_shape(rng).tobytes() for _ in range(10)}) > 5
 
 
@@ -84,5 +84,27 @@ def test_photographs_are_used_and_a_folder_without_any_is_named(tmp_path):
     (photo,) = photographs(tmp_path)
     assert photo[0, 0].tolist() == [255, 0, 0]
     rng = np.random.default_rng(4)
-    reds = [(ground([photo], rng).reshape(-1, 3) == [255, 0, 0]).all(-1).mean() for _ in range(40)]
+    reds = [
+        (ground([photo], [], rng).reshape(-1, 3) == [255, 0, 0]).all(-1).mean() for _ in range(40)
+    ]
     assert np.mean(np.array(reds) > 0.5) > 0.15
+
+
+def test_people_may_stand_behind():
+    person = np.zeros((200, 150, 3), np.uint8) + np.array([200, 150, 120], np.uint8)
+    rng = np.random.default_rng(4)
+    drawn = [ground([], [person], rng) for _ in range(60)]
+    share = np.mean([(image == image[0, 0]).all() for image in drawn])
+    assert 0.25 < share < 0.6  # plain textures are among the others
+
+
+def test_hands_have_the_colour_of_what_is_behind_now_and_then(fist):
+    green = np.zeros((SIDE_PX, SIDE_PX, 3), np.uint8) + np.array([40, 200, 60], np.uint8)
+    rng = np.random.default_rng(2)
+    greener = 0
+    for _ in range(60):
+        scene = scene_from([fist], [green], rng)
+        if (inside := scene.skin > 0.9).sum() > 100:
+            r, g, _ = scene.seen[inside].mean(axis=0)
+            greener += g > 1.5 * r
+    assert 6 < greener < 40

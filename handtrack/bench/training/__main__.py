@@ -33,6 +33,8 @@ class ShapeCue:
     """The ONNX file; the shipped one is ``handtrack/evidence/shape_cue.onnx``."""
     photos: Path
     """A folder of photographs of anything but hands."""
+    people: Path | None = None
+    """A folder of photographs of people without their hands."""
     cache: Path = Path("pictures.npz")
     """Where rendered pictures are kept."""
     settings: TrainingSettings = shape_cue.SHIPPED
@@ -41,7 +43,7 @@ class ShapeCue:
         """Render or take the pictures, draw what is behind them, train, write."""
         s = self.settings
         taught = rendered(s.pictures, s.seed, self.cache)
-        grounds = shape_cue.some_grounds(self.photos, s.seed)
+        grounds = shape_cue.some_grounds(self.photos, self.people, s.seed)
         shape_cue.write(shape_cue.trained(taught, grounds, s), self.out)
 
 

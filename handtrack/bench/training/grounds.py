@@ -21,8 +21,9 @@ Mask = NDArray[np.uint8]
 
 #: Side of a ground in pixels.
 SIDE_PX = 128
-#: Share of the grounds that are photographs, and, of those, in other colours.
-_PHOTOGRAPHS, _RECOLOURED = 0.5, 0.4
+#: Share of the grounds that are people, of the others that are photographs, and of either in other
+#: colours.
+_PEOPLE, _PHOTOGRAPHS, _RECOLOURED_PEOPLE, _RECOLOURED = 0.4, 0.5, 0.12, 0.4
 _Y, _X = np.mgrid[:SIDE_PX, :SIDE_PX].astype(np.float32)
 
 
@@ -41,10 +42,16 @@ def photographs(folder: Path) -> list[Pixels]:
     return [np.asarray(image, np.uint8) for image in found]
 
 
-def ground(photos: list[Pixels], rng: np.random.Generator) -> Pixels:
-    """What stands behind a hand ``(SIDE_PX, SIDE_PX, 3)``."""
+def ground(photos: list[Pixels], people: list[Pixels], rng: np.random.Generator) -> Pixels:
+    """What stands behind a hand ``(SIDE_PX, SIDE_PX, 3)``: a person, or anything."""
+    if people and rng.random() < _PEOPLE:
+        sides = (0.6, 1.35) if rng.random() < 0.85 else (0.25, 1.0)
+        image = _crop(people[rng.integers(len(people))], sides, rng)
+        if rng.random() < _RECOLOURED_PEOPLE:
+            image = _recoloured(image, rng)
+        return np.clip(image, 0, 255).astype(np.uint8)
     if photos and rng.random() < _PHOTOGRAPHS:
-        image = _crop(photos[rng.integers(len(photos))], rng)
+        image = _crop(photos[rng.integers(len(photos))], (0.25, 1.0), rng)
         if rng.random() < _RECOLOURED:
             image = _recoloured(image, rng)
     else:
@@ -110,12 +117,14 @@ def sloped(image: Image, rng: np.random.Generator, most: float) -> Image:
     return image * (1 + np.float32(rng.uniform(0, most)) * along.astype(np.float32))[..., None]
 
 
-def _crop(photo: Pixels, rng: np.random.Generator) -> Image:
+def _crop(photo: Pixels, sides: tuple[float, float], rng: np.random.Generator) -> Image:
+    """A square of a photograph, of a side between such shares of its own."""
     h, w = photo.shape[:2]
-    side = rng.uniform(0.25, 1.0) * min(h, w)
+    side = rng.uniform(*sides) * min(h, w)
     step, turn = side / SIDE_PX, rng.uniform(-0.5, 0.5)
     c, s = step * np.cos(turn), step * np.sin(turn)
-    A = np.array([[c, -s, rng.uniform(0, w - side)], [s, c, rng.uniform(0, h - side)]])
+    x, y = (rng.uniform(*sorted((0.0, length - side))) for length in (w, h))
+    A = np.array([[c, -s, x], [s, c, y]])
     soft = cv2.GaussianBlur(photo, (0, 0), 0.4 * step) if step > 1 else photo
     flags, border = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, cv2.BORDER_REFLECT
     crop = cv2.warpAffine(soft, A, (SIDE_PX, SIDE_PX), flags=flags, borderMode=border)

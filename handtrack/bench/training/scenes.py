@@ -23,6 +23,7 @@ from handtrack.bench.training.grounds import (
     some_skin,
     texture,
 )
+from handtrack.evidence.candidates import skin_log_odds
 from synth.pictures import BRIGHTNESS, PALM_PX, Picture
 from synth.pictures import SIDE_PX as PICTURE_PX
 
@@ -30,8 +31,9 @@ from synth.pictures import SIDE_PX as PICTURE_PX
 PALM_RANGE_PX = (14.0, 80.0)
 #: How often there is none, one, or another behind it.
 HANDS = (0.06, 0.84, 0.1)
-#: Share of the hands that stand before something of their own colour.
-_ALIKE = 0.25
+#: Share of the hands before which everything has their colour, and of those that have the colour of
+#: something behind them, a face's if there is one.
+_ALIKE, _BORROWED = 0.2, 0.3
 _LUMA = BRIGHTNESS.astype(np.float32)
 _SIZE = (SIDE_PX, SIDE_PX)
 _XY = np.mgrid[:SIDE_PX, :SIDE_PX][::-1].astype(np.float32)
@@ -72,11 +74,15 @@ def scene_from(hands: list[Picture], grounds: list[Pixels], rng: np.random.Gener
 def _with_hand(
     image: Image, skin: Image, picture: Picture, rng: np.random.Generator
 ) -> tuple[Image, Image]:
+    kind, light = rng.random(), None
     tone = some_skin(rng) if rng.random() < 0.92 else np.maximum(some_colour(rng) / 255, 0.05)
+    if kind < _BORROWED:
+        tone = np.maximum(_most_like_skin(image, rng), 8) * np.exp(rng.normal(0, 0.05, 3))
+        light = float(tone @ _LUMA) * np.exp(rng.normal(0, 0.2))
     tone = tone / (tone @ _LUMA)
-    if rng.random() < _ALIKE:
+    if kind > 1 - _ALIKE:
         image = (image @ _LUMA)[..., None] * tone * np.exp(rng.normal(0, 0.04, 3))
-    hand = _hand(picture, tone, rng)
+    hand = _hand(picture, tone, light, rng)
     if rng.random() < 0.3:
         image = _shadowed(image, hand.shown, rng)
     if rng.random() < 0.1:
@@ -87,10 +93,22 @@ def _with_hand(
     )
 
 
-def _hand(picture: Picture, tone: Image, rng: np.random.Generator) -> _Layer:
-    """A hand of a tone, put somewhere; in half of the cases its arm is in a sleeve or away."""
+def _most_like_skin(image: Image, rng: np.random.Generator) -> Image:
+    """The colour ``(3,)`` of one of a few places of an image that comes nearest to skin's."""
+    x, y = rng.integers(0, SIDE_PX, (2, 12))
+    colours = np.clip(image[y, x], 0, 255)
+    return np.asarray(colours[skin_log_odds(colours[None].astype(np.uint8))[0].argmax()])
+
+
+def _hand(picture: Picture, tone: Image, mean: float | None, rng: np.random.Generator) -> _Layer:
+    """A hand of a tone and, if it is given, of a mean brightness, put somewhere.
+
+    In half of the cases its arm is in a sleeve or away.
+    """
     alpha, light, to_picture = _placed(picture, rng)
     light = 255 * np.clip(light / 255, 0, 1) ** rng.uniform(0.6, 1.6) * rng.uniform(0.35, 1.4)
+    if mean is not None and (inside := alpha > 0.5).any():
+        light = light * mean / max(float(light[inside].mean()), 1.0)
     blotches = noise(rng, rng.uniform(3, 40)) * np.array([1, 0.5, 0.5], np.float32)
     colour = light[..., None] * tone * (1 + rng.uniform(0, 0.1) * blotches)
     shown, skin = alpha, alpha

@@ -29,14 +29,19 @@ def trained(
     return train(ShapeNetwork(), draw, shape_loss, settings)
 
 
-def some_grounds(folder: Path, seed: int, count: int = GROUNDS) -> list[Pixels]:
-    """Grounds, half of them of the photographs in a folder."""
-    return in_processes(partial(_grounds, photographs(folder)), count, AT_ONCE, seed)
+def some_grounds(
+    photos: Path, people: Path | None, seed: int, count: int = GROUNDS
+) -> list[Pixels]:
+    """Grounds of the photographs in a folder, of people in another if there is one, and of none."""
+    portraits = [] if people is None else photographs(people)
+    return in_processes(partial(_grounds, photographs(photos), portraits), count, AT_ONCE, seed)
 
 
-def _grounds(photos: list[Pixels], seed: np.random.SeedSequence) -> list[Pixels]:
+def _grounds(
+    photos: list[Pixels], people: list[Pixels], seed: np.random.SeedSequence
+) -> list[Pixels]:
     rng = np.random.default_rng(seed)
-    return [ground(photos, rng) for _ in range(AT_ONCE)]
+    return [ground(photos, people, rng) for _ in range(AT_ONCE)]
 
 
 def some_scenes(
