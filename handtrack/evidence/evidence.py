@@ -199,7 +199,8 @@ def decidedness(log_odds: Float, visible: Mask, mask: Mask) -> float:
         return 0.0
     few = (slice(None, None, 3), slice(None, None, 3))
     near = cv2.dilate(mask[few].view(np.uint8), np.ones((5, 5), np.uint8)) > 0
-    return float(np.mean(np.abs(np.tanh(0.5 * log_odds[few][near & visible[few]]))))
+    told = log_odds[few][near & visible[few]]
+    return float(np.mean(np.abs(np.tanh(0.5 * told)))) if len(told) else 0.0
 
 
 def crop(frame_rgb: Pixels, window: Window) -> Pixels:
