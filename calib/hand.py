@@ -211,7 +211,6 @@ def _solved(
         z[free],
         jac=jacobian,
         method="trf",
-        tr_solver="lsmr",  # a third of the time of the exact one, the same sums
         max_nfev=40,
         xtol=1e-4,
         ftol=1e-5,

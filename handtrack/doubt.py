@@ -21,9 +21,9 @@ from handtrack.camera import Camera
 from handtrack.estimate import Estimate
 from handtrack.evidence.evidence import see_candidate
 from handtrack.evidence.orientation import Image
-from handtrack.evidence.silhouette import Segmenter
+from handtrack.evidence.silhouette import Segmenter, seen_by_shape
 from handtrack.in_track import Track
-from handtrack.judge import JudgeSettings, outline_seen, overlap
+from handtrack.judge import JudgeSettings, drawn, outline_seen, overlap, share_seen
 from handtrack.proposals import hypotheses_of
 from handtrack.refine.view import View
 from handtrack.seeds import facing_of, find_hand
@@ -181,7 +181,7 @@ def recover(
     track.frames_astray += 1
     if track.frames_astray % RECOVER_EVERY != 1:
         return
-    segmenter = track.segmenter
+    segmenter, shape = track.segmenter, None
     anything = segmenter.find(image) or Segmenter.bootstrap(image, segmenter.background)
     for candidate in anything[:2]:
         *_, evidence = see_candidate(image, candidate.mask, camera, segmenter)
@@ -191,6 +191,9 @@ def recover(
             known=track.anchor, usual=facing, facing_cost=judge.facing_cost,
             hypotheses=hypotheses_of(view, track.searcher, track.anchor),
         )  # fmt: skip
-        if found is not None and found[1] > judge.tracked_overlap:
+        if found is None or found[1] <= judge.tracked_overlap:
+            continue
+        shape = seen_by_shape(image) if shape is None else shape
+        if share_seen(shape, drawn(track.searcher.hand, found[0], camera)) >= judge.min_seen:
             track.found_again(found[0])
             return

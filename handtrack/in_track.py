@@ -67,6 +67,7 @@ class Track:
         self.votes = 0  # looks running that saw the other side of the hand
         self.voted_lost = False  # whether the first of them was at a fit that had failed
         self.lost = False
+        self.unseen = False  # by the shape cue: a face, perhaps, where the hand has left
         self.fresh = True
         self.energies: deque[float] = deque(maxlen=USUAL_FRAMES)
 

@@ -2,8 +2,11 @@
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
+from handtrack.camera import Camera
 from handtrack.estimate import Estimate
 from handtrack.fingers.silhouette import SilhouetteBits, capsule_overlap
 from handtrack.hand.capsules import CapsuleHand
@@ -64,6 +67,10 @@ class JudgeSettings:
     """Frames without a tracked one after which the hand is lost."""
     wrist_line_mm: float = 6.0
     """The evidence stops this far above the wrist."""
+    min_seen: float = 0.5
+    """Mean probability of hand, by the shape cue, without which a hand is not found again,"""
+    least_seen: float = 0.3
+    """and without which one in track is lost at the next look."""
     decided: float = 0.94
     """Decidedness of the evidence from which an angle's deviation is as the curvature gives it."""
     undecided: float = 14.0
@@ -79,6 +86,25 @@ def overlap(hand: CapsuleHand, estimate: Estimate, view: View, wrist_line_mm: fl
             SilhouetteBits.of(view), wrist_line_mm,
         )[0]
     )  # fmt: skip
+
+
+def drawn(hand: CapsuleHand, estimate: Estimate, camera: Camera) -> NDArray[np.bool_]:
+    """The silhouette ``(h, w)`` of a hand as a camera sees it, roughly."""
+    K = np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px])
+    circles = hand.circles_px(estimate.theta[None], estimate.pose.R, estimate.pose.t_mm, K)[0]
+    mask = np.zeros((camera.height_px, camera.width_px), np.uint8)
+    ends = circles[:, :2].round().astype(int).tolist()
+    for a, b in hand.capsule_node.tolist():
+        width = max(1, round(circles[a, 2] + circles[b, 2]))
+        cv2.line(mask, ends[a], ends[b], 1, min(width, 255))
+    return np.asarray(mask > 0)
+
+
+def share_seen(log_odds: NDArray[np.float32], hand: NDArray[np.bool_]) -> float:
+    """Mean probability of hand inside a silhouette ``(H, W)``; of a smaller picture's log odds."""
+    size = log_odds.shape[1::-1]
+    inside = cv2.resize(hand.astype(np.float32), size, interpolation=cv2.INTER_AREA) > 0.5
+    return float((1 / (1 + np.exp(-log_odds[inside]))).mean()) if inside.any() else 0.0
 
 
 def outline_seen(estimate: Estimate, view: View, wrist_line_mm: float) -> float:

@@ -19,6 +19,7 @@ from handtrack.evidence.evidence import see_candidate
 from handtrack.evidence.orientation import Image
 from handtrack.evidence.silhouette import Segmenter, seen_by_shape
 from handtrack.hand.shape import HandShape
+from handtrack.judge import drawn, share_seen
 from handtrack.proposals import hypotheses_of
 from handtrack.refine.view import View
 from handtrack.refined import RefinedMethod
@@ -79,7 +80,7 @@ class SearchedStart:
         likely = [c for c in likely if c.score >= AS_LIKELY * likely[0].score]
         found = {side: self._best(image, likely, camera, side, rng) for side in self.sides}
         starts = {side: start for side, start in found.items() if start is not None}
-        good = {s for s, x in starts.items() if x.overlap >= self.settings.min_overlap}
+        good = {side for side, start in starts.items() if self._is_good(start)}
         if not good:
             return None
         if len(self.sides) == 1:
@@ -102,8 +103,10 @@ class SearchedStart:
         flip = side == "left"
         picture = np.ascontiguousarray(image[:, ::-1]) if flip else image
         seen_by = camera.mirrored() if flip else camera
-        shape = seen_by_shape(picture) if candidates else None
-        starts = []
+        starts: list[Start] = []
+        if not candidates:
+            return None
+        shape = seen_by_shape(picture)
         for candidate in candidates:
             mask = candidate.mask[:, ::-1] if flip else candidate.mask
             segmenter = Segmenter.from_mask(picture, mask, shape=shape)
@@ -117,8 +120,14 @@ class SearchedStart:
                 continue
             if share_in_frame(self.method, found[0], view) < self.settings.min_in_frame:
                 continue
-            starts.append(Start(self.shape, found[0], side, segmenter, found[1], 0.0))
+            seen = share_seen(shape, drawn(self.method.hand, found[0], seen_by))
+            if seen >= self.settings.min_seen:
+                starts.append(Start(self.shape, found[0], side, segmenter, found[1], 0.0, seen))
         return max(starts, key=lambda start: start.overlap, default=None)
+
+    def _is_good(self, start: Start) -> bool:
+        s = self.settings
+        return start.overlap >= (s.min_overlap_seen if start.seen >= s.seen else s.min_overlap)
 
     def _lead(self, starts: dict[str, Start]) -> float:
         """What this frame says for the right hand, against the left."""

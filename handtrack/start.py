@@ -57,6 +57,7 @@ class Start:
     segmenter: Segmenter
     overlap: float
     quality: float  # of the open hand that its shape was calibrated from; 0 for none
+    seen: float = 1.0  # mean probability inside it by the shape cue, if that was asked
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,13 @@ class StartSettings:
     better_quality: float = 0.2
     """And by how much a later one must be better to take its place."""
     min_overlap: float = 0.88
-    """Overlap from which a hand that is not open is believed."""
+    """Overlap from which a hand that is not open is believed,"""
+    min_overlap_seen: float = 0.84
+    """and from which it is where the shape cue sees it:"""
+    seen: float = 0.7
+    """mean probability of hand, by that cue, inside the hand as fitted."""
+    min_seen: float = 0.5
+    """Without so much of it nothing is believed."""
     max_solidity: float = 0.9
     """Share of its convex hull that a silhouette may fill to be believed, if it is not open."""
     closer: float = 0.015

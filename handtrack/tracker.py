@@ -26,12 +26,20 @@ from handtrack.camera import Camera
 from handtrack.doubt import is_due, look_again, recover
 from handtrack.estimate import Estimate
 from handtrack.evidence.evidence import Evidence, see
-from handtrack.evidence.silhouette import Segmenter
+from handtrack.evidence.silhouette import Segmenter, seen_by_shape
 from handtrack.hand.shape import HandShape
 from handtrack.hand.space import ConfigurationSpace
 from handtrack.hand.space import default as default_space
 from handtrack.in_track import Method, Track
-from handtrack.judge import JudgeSettings, confidence, doubtful, overlap, status_of
+from handtrack.judge import (
+    JudgeSettings,
+    confidence,
+    doubtful,
+    drawn,
+    overlap,
+    share_seen,
+    status_of,
+)
 from handtrack.layers import Seen
 from handtrack.paper import PaperMethod, PaperSettings
 from handtrack.proposals import hypotheses_near
@@ -201,10 +209,15 @@ class Tracker:
             workings = track.method.workings
         with self._timed("judge"):
             agreement = overlap(track.searcher.hand, estimate, view, judge.wrist_line_mm)
-            if is_due(track, estimate, agreement, judge, facing):
+            if due := is_due(track, estimate, agreement, judge, facing):
                 estimate, agreement = look_again(
                     view, track, estimate, agreement, judge, facing, self.rng
                 )
+            if due or track.unseen:
+                hand = drawn(track.searcher.hand, estimate, evidence.camera)
+                seen = share_seen(seen_by_shape(evidence.image), hand)
+                track.unseen = seen < judge.least_seen
+            agreement = 0.0 if track.unseen else agreement
             status = status_of(agreement, track.misses, judge)
         if track.is_other_hand:
             self._other_hand(track)
@@ -231,7 +244,7 @@ class Tracker:
     def _see(self, image: Image, track: Track, predicted: Estimate) -> tuple[Evidence, View]:
         camera = self._tracked_camera(track)
         window = window_for(predicted.pose, track.shape, camera)
-        seed = model_mask(track.searcher, predicted, camera.through(window))
+        seed = drawn(track.searcher.hand, predicted, camera.through(window))
         evidence = see(image, window, camera, track.segmenter, seed)
         return evidence, View.of(evidence)
 
@@ -269,17 +282,3 @@ class Tracker:
                 track.method = self._method(found.shape, track.searcher)
                 track.estimate = Estimate(found.pose, found.theta, track.estimate.theta_std)
                 track.method.restart(track.estimate, sure=True)
-
-
-def model_mask(method: RefinedMethod, estimate: Estimate, camera: Camera) -> NDArray[np.bool_]:
-    """The predicted silhouette ``(h, w)`` in a window."""
-    K = np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px])
-    circles = method.hand.circles_px(estimate.theta[None], estimate.pose.R, estimate.pose.t_mm, K)[
-        0
-    ]
-    mask = np.zeros((camera.height_px, camera.width_px), np.uint8)
-    ends = circles[:, :2].round().astype(int).tolist()
-    for a, b in method.hand.capsule_node.tolist():
-        width = max(1, round(circles[a, 2] + circles[b, 2]))
-        cv2.line(mask, ends[a], ends[b], 1, min(width, 255))
-    return np.asarray(mask > 0)

@@ -9,6 +9,7 @@ from handtrack.camera import Camera
 from handtrack.estimate import Estimate
 from handtrack.hand.shape import HandShape
 from handtrack.hand.space import default as default_space
+from handtrack.judge import share_seen
 from handtrack.records import Pose
 from handtrack.refine.view import View
 from handtrack.refined import RefinedMethod, RefinedSettings
@@ -23,10 +24,10 @@ SETTINGS = StartSettings()
 class MadeUp(SearchedStart):
     """Looks that find ``(overlap, energy)`` of each side, the same in every frame."""
 
-    def __init__(self, right=None, left=None, side="auto") -> None:
+    def __init__(self, right=None, left=None, side="auto", seen=0.6) -> None:
         super().__init__(lambda shape: None, HandShape.default(), side, "palm", SETTINGS)
         self.made_up = {"right": right, "left": left}
-        self.looks = 0
+        self.seen, self.looks = seen, 0
 
     def _best(self, image, candidates, camera, side, rng):
         if (found := self.made_up[side]) is None:
@@ -35,7 +36,7 @@ class MadeUp(SearchedStart):
         overlap, energy = found
         estimate = Estimate(Pose(np.eye(3), np.zeros(3)), np.zeros(20), np.ones(20))
         estimate = replace(estimate, energy=energy)
-        return Start(self.shape, estimate, side, None, overlap, 0.0)
+        return Start(self.shape, estimate, side, None, overlap, 0.0, self.seen)
 
 
 def first(search: SearchedStart, frames: int = 40) -> tuple[int, str] | None:
@@ -79,6 +80,24 @@ def test_patience_begins_when_something_fits():
 def test_what_does_not_fit_begins_nothing(poor):
     assert first(MadeUp(right=poor, left=poor)) is None
     assert first(MadeUp(right=poor, side="right")) is None
+
+
+def test_a_hand_that_the_shape_cue_sees_may_overlap_less():
+    fair = (SETTINGS.min_overlap - 0.01, 10.0)
+    assert first(MadeUp(right=fair, seen=SETTINGS.seen)) == (0, "right")
+    poor = (SETTINGS.min_overlap_seen - 0.01, 10.0)
+    assert first(MadeUp(right=poor, seen=1.0)) is None
+
+
+def test_share_seen_is_the_mean_probability_inside():
+    log_odds = np.zeros((24, 32), np.float32)
+    log_odds[:, 16:] = 50.0
+    hand = np.zeros((48, 64), bool)
+    assert share_seen(log_odds, hand) == 0.0
+    hand[:, 48:] = True
+    assert share_seen(log_odds, hand) == pytest.approx(1.0)
+    hand[:, 16:] = True
+    assert share_seen(log_odds, hand) == pytest.approx((0.5 * 8 + 16) / 24)
 
 
 def test_looks_are_made_now_and_then():

@@ -4,8 +4,8 @@ Nothing is known of the clip, so several independent cues each propose, on a sma
 (320 px on the long side), and every proposal is scored by the same questions:
 
 - *shape*: what a network takes for a hand, whatever its colour
-  (:mod:`~handtrack.evidence.shape_cue`), at two sizes of the picture; other cues' proposals are the
-  more plausible the more they overlap with it;
+  (:mod:`~handtrack.evidence.shape_cue`), at two sizes of the picture and by their mean; other cues'
+  proposals are the more plausible the more they overlap with it;
 - *skin*: a prior over chromaticity that holds from very pale to very dark skin, under any light
   that a camera has balanced: ``(log R/G, log G/B) ~ N``. Skin differs in brightness far more than
   in this;
@@ -52,8 +52,8 @@ LEAST_CHROMA_SIGMA = 0.05
 #: So many of the best candidates are also tried without what is of another colour, if what is left
 #: is such a share of them.
 PURIFIED, PURER_SHARE = 2, (0.5, 0.985)
-#: Long sides of the pictures that the shape cue sees.
-SHAPE_SIDES_PX = (160, 320)
+#: Long sides of the pictures that the shape cue sees, and log odds from which it is sure of a hand.
+SHAPE_SIDES_PX, SURE_SHAPE = (160, 320), 1.5
 #: A hand takes this share of the picture.
 AREA_RANGE = (0.008, 0.6)
 
@@ -87,6 +87,7 @@ def find_candidates(frame_rgb: Pixels, background: Background | None = None) -> 
     soft = np.asarray(cv2.GaussianBlur(small, (3, 3), 0), np.uint8)
     seen = [shrink(frame_rgb, side) for side in SHAPE_SIDES_PX]
     shapes = [shape_cue.log_odds_sized(picture, soft.shape[1::-1]) for picture in seen]
+    shapes.append(np.mean(shapes, axis=0, dtype=np.float32))
     guesses = _guesses(frame_rgb, soft, background, shapes)
     return ranked(soft, guesses, frame_rgb.shape[1::-1], shapes)
 
@@ -208,9 +209,11 @@ def _guesses(
     frame_rgb: Pixels, soft: Pixels, background: Background | None, shapes: Sequence[Float]
 ) -> Iterator[tuple[str, Mask]]:
     """First guesses of each cue, refined, ``(h, w)``."""
-    for odds in shapes:
-        yield "shape", odds > 0
+    *sizes, both = shapes
+    for odds in sizes:
         yield "shape", refine(soft, np.clip(odds, -4, 4), fading=1.0)
+    yield "shape", both > 0
+    yield "shape", both > SURE_SHAPE
     skin = refine(soft, skin_log_odds(soft))
     yield "skin", skin
     backdrop, sigma = smooth_backdrop(soft)

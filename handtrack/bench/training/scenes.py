@@ -33,7 +33,7 @@ PALM_RANGE_PX = (14.0, 80.0)
 HANDS = (0.06, 0.84, 0.1)
 #: Share of the hands before which everything has their colour, and of those that have the colour of
 #: something behind them, a face's if there is one.
-_ALIKE, _BORROWED = 0.2, 0.3
+_ALIKE, _BORROWED = 0.28, 0.2
 _LUMA = BRIGHTNESS.astype(np.float32)
 _SIZE = (SIDE_PX, SIDE_PX)
 _XY = np.mgrid[:SIDE_PX, :SIDE_PX][::-1].astype(np.float32)
