@@ -4,6 +4,10 @@ A silhouette says little of the side: the palm of one hand looks like the back o
 fist much like its mirror image. So both are sought, and what speaks for one of them, in overlap and
 in energy, is added up from look to look, as in a sequential test (Wald 1945). The longer it takes,
 the less is wanted: an unsure answer is better than none.
+
+Nor does a silhouette say much of what it is of: a hand fits into the outline of many a face. So the
+:mod:`~handtrack.evidence.shape_cue` must see a hand where it was found, and where it sees one
+clearly a rough silhouette will do.
 """
 
 from collections.abc import Callable, Sequence
