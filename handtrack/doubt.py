@@ -11,8 +11,8 @@ whose fit was shaken, is young for a second: it is looked for anew from where it
 and faces the usual way if that fits about as well. Where the side is a guess, a back that fits
 better than the palm says that it is the other hand.
 
-At every look, and wherever a lost hand is found again, the shape cue is asked whether it sees a hand
-there at all: a face behind it has its colours, and stays where the hand has left.
+At every look, and wherever a lost hand is found again, the shape cue is asked whether it sees a
+hand there at all: a face behind it has its colours, and stays where the hand has left.
 """
 
 from dataclasses import dataclass
