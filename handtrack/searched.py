@@ -131,7 +131,8 @@ class SearchedStart:
 
     def _is_good(self, start: Start) -> bool:
         s = self.settings
-        return start.overlap >= (s.min_overlap_seen if start.seen >= s.seen else s.min_overlap)
+        seen = start.seen >= s.seen and start.overlap >= s.min_overlap_seen
+        return seen or start.overlap >= s.min_overlap
 
     def _lead(self, starts: dict[str, Start]) -> float:
         """What this frame says for the right hand, against the left."""

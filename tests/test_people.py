@@ -77,10 +77,10 @@ def test_a_face_is_not_followed_where_a_hand_has_left(tmp_path) -> None:
     scene = replace(
         scene,
         look=replace(look, background=str(path)),
-        motion=replace(motion, frames=8, open_frames=6),
+        motion=replace(motion, frames=12, open_frames=6),
     )
     images = [image for image, _ in frames(scene, make_actor(scene))] + films(face, 22)
     tracker = Tracker(TrackerSettings(), scene.camera, None, default(), calibrate_hand)
     status = [tracker.step(Frame(k, k / 30, image)).status for k, image in enumerate(images)]
-    assert status[:8] == [Status.TRACKED] * 8
+    assert status[8:12] == [Status.TRACKED] * 4
     assert Status.TRACKED not in status[-16:]
