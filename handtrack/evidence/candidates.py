@@ -52,8 +52,8 @@ LEAST_CHROMA_SIGMA = 0.05
 #: So many of the best candidates are also tried without what is of another colour, if what is left
 #: is such a share of them.
 PURIFIED, PURER_SHARE = 2, (0.5, 0.985)
-#: Long sides of the pictures that the shape cue sees, and log odds from which it is sure of a hand.
-SHAPE_SIDES_PX, SURE_SHAPE = (160, 320), 1.5
+#: Long sides of the pictures that the shape cue sees, and log odds that are clear.
+SHAPE_SIDES_PX, CLEAR_SHAPE = (160, 320), 1.5
 #: A hand takes this share of the picture.
 AREA_RANGE = (0.008, 0.6)
 
@@ -213,7 +213,7 @@ def _guesses(
     for odds in sizes:
         yield "shape", refine(soft, np.clip(odds, -4, 4), fading=1.0)
     yield "shape", both > 0
-    yield "shape", both > SURE_SHAPE
+    yield "shape", both > CLEAR_SHAPE
     skin = refine(soft, skin_log_odds(soft))
     yield "skin", skin
     backdrop, sigma = smooth_backdrop(soft)
