@@ -180,11 +180,15 @@ def recover(
     facing: str,
     rng: np.random.Generator,
 ) -> None:
-    """Look in the whole frame, now and then, for a hand that is lost or astray; then track it."""
+    """Look in the whole frame, now and then, for a hand that is lost or astray; then track it.
+
+    Of several things that a hand fits, the other hand among them, it is the one that costs least.
+    """
     track.frames_astray += 1
     if track.frames_astray % RECOVER_EVERY != 1:
         return
     segmenter, shape = track.segmenter, None
+    best, least = None, np.inf
     anything = segmenter.find(image) or Segmenter.bootstrap(image, segmenter.background)
     for candidate in anything[:2]:
         *_, evidence = see_candidate(image, candidate.mask, camera, segmenter)
@@ -196,7 +200,10 @@ def recover(
         )  # fmt: skip
         if found is None or found[1] <= judge.tracked_overlap:
             continue
+        cost = found[0].energy + judge.facing_cost * (facing_of(found[0]) != facing)
         shape = seen_by_shape(image) if shape is None else shape
-        if share_seen(shape, drawn(track.searcher.hand, found[0], camera)) >= judge.min_seen:
-            track.found_again(found[0])
-            return
+        seen = share_seen(shape, drawn(track.searcher.hand, found[0], camera))
+        if seen >= judge.min_seen and cost < least:
+            best, least = found[0], cost
+    if best is not None:
+        track.found_again(best)

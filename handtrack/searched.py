@@ -5,12 +5,17 @@ fist much like its mirror image. So both are sought, and what speaks for one of 
 in energy, is added up from look to look, as in a sequential test (Wald 1945). The longer it takes,
 the less is wanted: an unsure answer is better than none.
 
+Where the side is told and there are silhouettes in several places, the same test tells which of
+them is the other hand: it is left alone, as long as there is patience.
+
 Nor does a silhouette say much of what it is of: a hand fits into the outline of many a face. So the
 :mod:`~handtrack.evidence.shape_cue` must see a hand where it was found, and where it sees one
 clearly a rough silhouette will do.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from itertools import islice
 
 import cv2
 import numpy as np
@@ -34,6 +39,12 @@ from handtrack.start import Start, StartSettings
 SILHOUETTES = 2
 #: Less plausible ones than this share of the best are none.
 AS_LIKELY = 0.6
+#: Where the side is told, one more joins them that lies elsewhere: it shares no more of its area
+#: with them than this, and may be so much less plausible, since small hands are.
+SHARED, AS_LIKELY_ELSEWHERE = 0.1, 0.3
+
+#: Looks at candidates for a hand of one side; the starts have the candidates' numbers.
+Look = Callable[[Sequence[Candidate], str], dict[int, Start]]
 
 
 class SearchedStart:
@@ -80,38 +91,78 @@ class SearchedStart:
         frame, self.frame = self.frame, self.frame + 1
         if frame % self.settings.look_every:
             return None
-        likely = silhouettes()[:SILHOUETTES]
-        likely = [c for c in likely if c.score >= AS_LIKELY * likely[0].score]
-        found = {side: self._best(image, likely, camera, side, rng) for side in self.sides}
-        starts = {side: start for side, start in found.items() if start is not None}
+        likely = self._sought(silhouettes())
+        look = partial(self._found, image, camera, rng)
+        if len(self.sides) == 1:
+            return self._of_told_side(self.sides[0], likely, look, frame)
+        return self._of_either_side(likely, look, frame)
+
+    def _of_either_side(
+        self, candidates: Sequence[Candidate], look: Look, frame: int
+    ) -> Start | None:
+        """The hand as the side that leads, if it leads by enough for the time it has taken."""
+        found = {side: look(candidates, side).values() for side in self.sides}
+        starts = {side: _fittest(those) for side, those in found.items() if those}
         good = {side for side, start in starts.items() if self._is_good(start)}
         if not good:
             return None
-        if len(self.sides) == 1:
-            return starts[self.sides[0]]
-        self.first = frame if self.first is None else self.first
-        wanted = self.settings.min_lead * max(1 - (frame - self.first) / self.settings.patience, 0)
+        wanted = self.settings.min_lead * self._patience(frame)
         self.lead += self._lead(starts)
         ahead = "right" if self.lead > 0 else "left"
         return starts[ahead] if ahead in good and abs(self.lead) >= wanted else None
 
-    def _best(
+    def _of_told_side(
+        self, side: str, candidates: Sequence[Candidate], look: Look, frame: int
+    ) -> Start | None:
+        """The hand that fits; of several, the one least like the other hand, if it is not that."""
+        good = {k: s for k, s in look(candidates, side).items() if self._is_good(s)}
+        if not good:
+            return None
+        if not self._patience(frame) or not in_several_places(candidates):
+            return _fittest(good.values())
+        other = "left" if side == "right" else "right"
+        leads: dict[int, float] = {}
+        for k, start in good.items():
+            mirrored = look([candidates[k]], other)
+            lead = self._lead({side: start} | {other: s for s in mirrored.values()})
+            leads[k] = lead if side == "right" else -lead
+        most = max(leads, key=lambda k: leads[k])
+        return good[most] if leads[most] > -self.settings.min_lead else None
+
+    def _patience(self, frame: int) -> float:
+        """What is left of it, 1 to 0, since something fitted first."""
+        self.first = frame if self.first is None else self.first
+        return max(1 - (frame - self.first) / self.settings.patience, 0.0)
+
+    def _sought(self, candidates: Sequence[Candidate]) -> list[Candidate]:
+        """Those of a frame's candidates, the likeliest first, in which the hand is sought."""
+        best = [c for c in candidates[:SILHOUETTES] if c.score >= AS_LIKELY * candidates[0].score]
+        if len(self.sides) == 2:
+            return best
+        elsewhere = (
+            c
+            for c in candidates[SILHOUETTES:]
+            if c.score >= AS_LIKELY_ELSEWHERE * best[0].score and all(_apart(c, b) for b in best)
+        )
+        return best + list(islice(elsewhere, 1))
+
+    def _found(
         self,
         image: Image,
-        candidates: Sequence[Candidate],
         camera: Camera,
-        side: str,
         rng: np.random.Generator,
-    ) -> Start | None:
-        """The hand, as one side, that overlaps most with one of the frame's silhouettes."""
+        candidates: Sequence[Candidate],
+        side: str,
+    ) -> dict[int, Start]:
+        """The hand, as one side, in those of the candidates that may be one, by their number."""
         flip = side == "left"
         picture = np.ascontiguousarray(image[:, ::-1]) if flip else image
         seen_by = camera.mirrored() if flip else camera
-        starts: list[Start] = []
+        starts: dict[int, Start] = {}
         if not candidates:
-            return None
+            return starts
         shape = seen_by_shape(picture)
-        for candidate in candidates:
+        for k, candidate in enumerate(candidates):
             mask = candidate.mask[:, ::-1] if flip else candidate.mask
             segmenter = Segmenter.from_mask(picture, mask, shape=shape)
             *_, evidence = see_candidate(picture, mask, seen_by, segmenter)
@@ -126,8 +177,8 @@ class SearchedStart:
                 continue
             seen = share_seen(shape, drawn(self.method.hand, found[0], seen_by))
             if seen >= self.settings.min_seen:
-                starts.append(Start(self.shape, found[0], side, segmenter, found[1], 0.0, seen))
-        return max(starts, key=lambda start: start.overlap, default=None)
+                starts[k] = Start(self.shape, found[0], side, segmenter, found[1], 0.0, seen)
+        return starts
 
     def _is_good(self, start: Start) -> bool:
         s = self.settings
@@ -143,6 +194,20 @@ class SearchedStart:
         closer = (right.overlap - left.overlap) / s.closer
         cheaper = (left.estimate.energy - right.estimate.energy) / s.cheaper
         return float(np.clip(closer + cheaper, -2 * s.min_lead, 2 * s.min_lead))
+
+
+def in_several_places(candidates: Sequence[Candidate]) -> bool:
+    """Whether some two of a frame's candidates lie apart."""
+    return any(_apart(b, a) for k, b in enumerate(candidates) for a in candidates[:k])
+
+
+def _apart(one: Candidate, other: Candidate) -> bool:
+    shared = np.count_nonzero(one.mask & other.mask)
+    return bool(shared <= SHARED * np.count_nonzero(one.mask))
+
+
+def _fittest(starts: Iterable[Start]) -> Start:
+    return max(starts, key=lambda start: start.overlap)
 
 
 def share_in_frame(method: RefinedMethod, estimate: Estimate, view: View) -> float:

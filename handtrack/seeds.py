@@ -34,6 +34,8 @@ FACING = {"palm": np.diag([1.0, -1.0, -1.0]), "back": np.diag([-1.0, -1.0, 1.0])
 #: Parts in which the seeds are scored side by side.
 SCORED_IN = 4
 
+#: Cosine by which a hand may be past edge-on and still count as facing as it should.
+PAST_EDGE_ON = 0.25
 #: A hand of known depth is not looked for at more than this ratio from it.
 MAX_DEPTH_RATIO = 1.5
 
@@ -78,13 +80,13 @@ def find_hand(
     facing_cost: float = 0.0,
     hypotheses: Hypotheses | None = None,
 ) -> tuple[Estimate, float] | None:
-    """The best estimate in a silhouette, and its overlap; None where there is no silhouette.
+    """The best estimate in a silhouette, and its overlap; None where none is found.
 
-    ``known`` (an earlier estimate) joins the configurations, and the depth stays near its own. A
-    fist's silhouette is nearly the same from both sides: the hand faces the ``usual`` way unless
-    the energy of the other is lower by ``facing_cost``. With ``hypotheses``
-    (:mod:`handtrack.proposals`) some of the seeds are drawn from them, and what they say of the
-    finalists counts.
+    ``facings`` are the sides of the hand that may be shown. ``known`` (an earlier estimate) joins
+    the configurations, and the depth stays near its own. A fist's silhouette is nearly the same
+    from both sides: the hand faces the ``usual`` way unless the energy of the other is lower by
+    ``facing_cost``. With ``hypotheses`` (:mod:`handtrack.proposals`) some of the seeds are drawn
+    from them, and what they say of the finalists counts.
     """
     settings = settings or SeedSettings()
     discs = largest_discs(view)
@@ -108,12 +110,17 @@ def find_hand(
     best = diverse(score, R, theta, settings.kept - few)
     best += [ours + k for k in diverse(score[ours:], R[ours:], theta[ours:], few)]
     starts = [Estimate(Pose(R[k], t[k]), theta[k], std) for k in dict.fromkeys(best)]
-    found = each(method.settle, repeat(view), starts)
+    found = facing_as_told(each(method.settle, repeat(view), starts), facings)
+    if not found:
+        return None
     agreement = overlaps(view, method, found, bits)
     order = finalists_of(agreement, found, settings.finalists)
     finalists = [found[k] for k in order]
     for _ in range(settings.searches):
         finalists = each(method.search, repeat(view), finalists, rng.spawn(len(finalists)))
+    finalists = facing_as_told(finalists, facings)
+    if not finalists:
+        return None
     agreement = overlaps(view, method, finalists, bits)
     near = agreement > agreement.max() - settings.overlap_margin
     seen = np.array([outline_seen(e, view, line_mm) for e in finalists])
@@ -136,6 +143,12 @@ def finalists_of(agreement: Array, found: list[Estimate], most: int) -> list[int
         if this_side and not set(this_side) & set(chosen):
             chosen[-1] = this_side[0]
     return chosen
+
+
+def facing_as_told(estimates: list[Estimate], facings: tuple[str, ...]) -> list[Estimate]:
+    """Those that show one of some sides of the hand: refinement may turn a hand over."""
+    shown = {"palm": -1.0, "back": 1.0}
+    return [e for e in estimates if any(shown[f] * e.pose.R[2, 2] > -PAST_EDGE_ON for f in facings)]
 
 
 def facing_of(estimate: Estimate) -> str:

@@ -7,6 +7,7 @@ import pytest
 
 from handtrack.camera import Camera
 from handtrack.estimate import Estimate
+from handtrack.evidence.candidates import Candidate
 from handtrack.hand.shape import HandShape
 from handtrack.hand.space import default as default_space
 from handtrack.judge import share_seen
@@ -29,14 +30,14 @@ class MadeUp(SearchedStart):
         self.made_up = {"right": right, "left": left}
         self.seen, self.looks = seen, 0
 
-    def _best(self, image, candidates, camera, side, rng):
+    def _found(self, image, camera, rng, candidates, side):
         if (found := self.made_up[side]) is None:
-            return None
+            return {}
         self.looks += 1
         overlap, energy = found
         estimate = Estimate(Pose(np.eye(3), np.zeros(3)), np.zeros(20), np.ones(20))
         estimate = replace(estimate, energy=energy)
-        return Start(self.shape, estimate, side, None, overlap, 0.0, self.seen)
+        return {0: Start(self.shape, estimate, side, None, overlap, 0.0, self.seen)}
 
 
 def first(search: SearchedStart, frames: int = 40) -> tuple[int, str] | None:
@@ -46,6 +47,58 @@ def first(search: SearchedStart, frames: int = 40) -> tuple[int, str] | None:
         if (start := search(IMAGE, tuple, CAMERA, rng)) is not None:
             return k, start.side
     return None
+
+
+class SeveralPlaces(MadeUp):
+    """Candidates in places side by side, each with what is found there as either side."""
+
+    def __init__(self, *places, side) -> None:
+        super().__init__(side=side)
+        self.places = places
+        strips = np.split(np.arange(IMAGE.shape[1]), len(places))
+        masks = [np.isin(np.arange(IMAGE.shape[1]), strip) for strip in strips]
+        self.candidates = [
+            Candidate(np.broadcast_to(mask, IMAGE.shape[:2]).copy(), 0.9 - 0.1 * k, "shape")
+            for k, mask in enumerate(masks)
+        ]
+
+    def _found(self, image, camera, rng, candidates, side):
+        starts = {}
+        for k, candidate in enumerate(candidates):
+            self.made_up = self.places[self.candidates.index(candidate)]
+            if found := super()._found(image, camera, rng, [candidate], side):
+                starts[k] = found[0]
+        return starts
+
+
+RIGHT_HAND = {"right": (0.95, 30.0), "left": (0.93, 90.0)}
+LEFT_HAND = {"right": (0.86, 95.0), "left": (0.91, 60.0)}
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_of_two_hands_the_one_that_is_told_begins(side):
+    """Though the other hand fits better, even as the side that is told."""
+    for places in ((RIGHT_HAND, LEFT_HAND), (LEFT_HAND, RIGHT_HAND)):
+        search = SeveralPlaces(*places, side=side)
+        start = search(IMAGE, lambda s=search: s.candidates, CAMERA, np.random.default_rng(0))
+        assert start is not None
+        wanted = RIGHT_HAND if side == "right" else LEFT_HAND
+        assert start.overlap == wanted[side][0]
+
+
+def test_the_other_hand_alone_among_silhouettes_is_waited_for_and_then_believed():
+    """One that looks like the other hand may be the one that is told: patience has an end."""
+    search = SeveralPlaces(RIGHT_HAND, {"right": None, "left": None}, side="left")
+    rng = np.random.default_rng(0)
+    begun = [k for k in range(60) if search(IMAGE, lambda: search.candidates, CAMERA, rng)]
+    assert begun[0] == SETTINGS.patience
+
+
+def test_a_hand_that_is_alone_begins_at_once_as_the_side_that_is_told():
+    search = SeveralPlaces(RIGHT_HAND, side="left")
+    start = search(IMAGE, lambda: search.candidates, CAMERA, np.random.default_rng(0))
+    assert start is not None
+    assert start.side == "left"
 
 
 def test_a_clear_side_begins_at_once():

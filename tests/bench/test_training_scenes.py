@@ -6,6 +6,7 @@ import pytest
 
 from handtrack.bench.training.grounds import SIDE_PX, ground, photographs, some_shape
 from handtrack.bench.training.scenes import scene_from
+from handtrack.bench.training.skin import as_skin
 from handtrack.errors import InputError
 from synth.pictures import PALM_PX, Picture
 from synth.pictures import SIDE_PX as PICTURE_PX
@@ -108,3 +109,26 @@ def test_hands_have_the_colour_of_what_is_behind_now_and_then(fist):
             r, g, _ = scene.seen[inside].mean(axis=0)
             greener.append(g > 1.5 * r)
     assert 0.1 < np.mean(greener) < 0.4
+
+
+def test_skin_is_uneven_where_a_render_is_smooth_and_as_bright_as_it_on_the_whole():
+    rng = np.random.default_rng(4)
+    even = np.full((SIDE_PX, SIDE_PX, 3), 120, np.uint8)
+    factors = [as_skin(40.0, even, rng) for _ in range(80)]
+    spread = np.array([np.log(f[..., 1]).std() for f in factors])
+    assert 0.05 < np.mean(spread == 0) < 0.5  # some stay smooth
+    assert np.median(spread) > 0.03
+    assert 0.6 < np.median([f.mean() for f in factors]) < 1.2
+
+
+def test_skin_takes_the_grain_of_a_picture():
+    """Factors are brighter where the picture is, seen finely, if its grain is taken at all."""
+    y, x = np.mgrid[:SIDE_PX, :SIDE_PX]
+    chequered = np.repeat((255 * ((x // 2 + y // 2) % 2))[..., None], 3, axis=-1).astype(np.uint8)
+    rng = np.random.default_rng(5)
+    alike = []
+    for _ in range(60):
+        factors = as_skin(40.0, chequered, rng)[..., 1]
+        alike.append(factors[chequered[..., 0] > 0].mean() / factors[chequered[..., 0] == 0].mean())
+    assert min(alike) > 0.9
+    assert 0.2 < np.mean(np.array(alike) > 1.15) < 0.6

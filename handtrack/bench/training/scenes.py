@@ -1,8 +1,9 @@
 """What the network of the shape cue learns from: rendered hands before anything.
 
-A hand of any tone, with its bare arm or in a sleeve, at any size, whole, cut by the frame or half
-hidden, over a ground (:mod:`handtrack.bench.training.grounds`), then blurred, dimmed, tinted, noisy
-and packed like the pictures of a cheap camera.
+A hand of any tone, creased and lit like skin (:mod:`handtrack.bench.training.skin`), with its bare
+arm or in a sleeve, at any size, whole, cut by the frame or half hidden, over a ground
+(:mod:`handtrack.bench.training.grounds`), then blurred or sharpened, dimmed, tinted, noisy and
+packed like the pictures of a cheap camera.
 """
 
 from dataclasses import dataclass, replace
@@ -23,6 +24,7 @@ from handtrack.bench.training.grounds import (
     some_skin,
     texture,
 )
+from handtrack.bench.training.skin import as_skin
 from handtrack.evidence.candidates import skin_log_odds
 from synth.pictures import BRIGHTNESS, PALM_PX, Picture
 from synth.pictures import SIDE_PX as PICTURE_PX
@@ -34,6 +36,8 @@ HANDS = (0.06, 0.84, 0.1)
 #: Share of the hands before which everything has their colour, and of those that have the colour of
 #: something behind them, a face's if there is one.
 _ALIKE, _BORROWED = 0.28, 0.2
+#: Share of the hands that look as if of skin; the others are as smooth as they were rendered.
+_CREASED = 0.7
 _LUMA = BRIGHTNESS.astype(np.float32)
 _SIZE = (SIDE_PX, SIDE_PX)
 _XY = np.mgrid[:SIDE_PX, :SIDE_PX][::-1].astype(np.float32)
@@ -64,7 +68,8 @@ def scene_from(hands: list[Picture], grounds: list[Pixels], rng: np.random.Gener
     image: Image = np.ascontiguousarray(flipped, np.float32) * np.float32(rng.uniform(0.5, 1.3))
     skin: Image = np.zeros(_SIZE, np.float32)
     for _ in range(rng.choice(len(HANDS), p=HANDS)):
-        image, skin = _with_hand(image, skin, hands[rng.integers(len(hands))], rng)
+        hand, grain = hands[rng.integers(len(hands))], grounds[rng.integers(len(grounds))]
+        image, skin = _with_hand(image, skin, hand, grain, rng)
     if rng.random() < 0.1:
         before = some_shape(rng) > 0
         image, skin = np.where(before[..., None], texture(rng), image), skin * ~before
@@ -72,7 +77,7 @@ def scene_from(hands: list[Picture], grounds: list[Pixels], rng: np.random.Gener
 
 
 def _with_hand(
-    image: Image, skin: Image, picture: Picture, rng: np.random.Generator
+    image: Image, skin: Image, picture: Picture, grain: Pixels, rng: np.random.Generator
 ) -> tuple[Image, Image]:
     kind, light = rng.random(), None
     tone = some_skin(rng) if rng.random() < 0.92 else np.maximum(some_colour(rng) / 255, 0.05)
@@ -82,7 +87,7 @@ def _with_hand(
     tone = tone / (tone @ _LUMA)
     if kind > 1 - _ALIKE:
         image = (image @ _LUMA)[..., None] * tone * np.exp(rng.normal(0, 0.04, 3))
-    hand = _hand(picture, tone, light, rng)
+    hand = _hand(picture, tone, light, grain, rng)
     if rng.random() < 0.3:
         image = _shadowed(image, hand.shown, rng)
     if rng.random() < 0.1:
@@ -100,7 +105,9 @@ def _most_like_skin(image: Image, rng: np.random.Generator) -> Image:
     return np.asarray(colours[skin_log_odds(colours[None].astype(np.uint8))[0].argmax()])
 
 
-def _hand(picture: Picture, tone: Image, mean: float | None, rng: np.random.Generator) -> _Layer:
+def _hand(
+    picture: Picture, tone: Image, mean: float | None, grain: Pixels, rng: np.random.Generator
+) -> _Layer:
     """A hand of a tone and, if it is given, of a mean brightness, put somewhere.
 
     In half of the cases its arm is in a sleeve or away.
@@ -111,6 +118,9 @@ def _hand(picture: Picture, tone: Image, mean: float | None, rng: np.random.Gene
         light = light * mean / max(float(light[inside].mean()), 1.0)
     blotches = noise(rng, rng.uniform(3, 40)) * np.array([1, 0.5, 0.5], np.float32)
     colour = light[..., None] * tone * (1 + rng.uniform(0, 0.1) * blotches)
+    if rng.random() < _CREASED:
+        palm_px = PALM_PX / float(np.hypot(*to_picture[:2, 0]))
+        colour = colour * as_skin(palm_px, grain, rng)
     shown, skin = alpha, alpha
     if rng.random() < 0.5:
         arm = _arm(picture, to_picture, rng)
@@ -185,13 +195,26 @@ def _taken(image: Image, rng: np.random.Generator) -> Pixels:
     image = image * np.exp(rng.normal(0, 0.12, 3) + rng.normal(0, 0.2))
     if rng.random() < 0.3:
         image = sloped(image, rng, 0.4)
-    if rng.random() < 0.5:
-        blur = rng.uniform(0.4, 1.6)
-        image = np.asarray(cv2.GaussianBlur(image.astype(np.float32), (0, 0), blur), np.float32)
-    if rng.random() < 0.08:
-        image = np.repeat(image @ _LUMA[:, None], 3, axis=-1)
+    if rng.random() < 0.3:
+        image = 255 * np.clip(image / 255, 0, 1) ** rng.uniform(0.6, 1.8)
+    if rng.random() < 0.4:
+        image = _blurred(image, rng.uniform(0.4, 1.6))
+    elif rng.random() < 0.5:
+        image = image + rng.uniform(0.3, 2.0) * (image - _blurred(image, rng.uniform(0.8, 3.0)))
+    if rng.random() < 0.4:
+        image = _saturated(image, 0.0 if rng.random() < 0.2 else np.exp(rng.normal(0, 0.4)))
     image = image + rng.uniform(0, 9) * rng.standard_normal(image.shape, np.float32)
     pixels = np.clip(image, 0, 255).astype(np.uint8)
     if rng.random() < 0.3:
         pixels = packed(pixels, int(rng.integers(20, 80)))
     return pixels
+
+
+def _blurred(image: Image, by_px: float) -> Image:
+    return np.asarray(cv2.GaussianBlur(image.astype(np.float32), (0, 0), by_px), np.float32)
+
+
+def _saturated(image: Image, share: float) -> Image:
+    """An image with so much of its colours."""
+    grey = np.repeat(image @ _LUMA[:, None], 3, axis=-1)
+    return np.asarray(grey + share * (image - grey), np.float32)
