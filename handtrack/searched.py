@@ -123,8 +123,8 @@ class SearchedStart:
         other = "left" if side == "right" else "right"
         leads: dict[int, float] = {}
         for k, start in good.items():
-            mirrored = look([candidates[k]], other)
-            lead = self._lead({side: start} | {other: s for s in mirrored.values()})
+            mirrored = look([candidates[k]], other).get(0)
+            lead = self._lead({side: start} | ({other: mirrored} if mirrored else {}))
             leads[k] = lead if side == "right" else -lead
         most = max(leads, key=lambda k: leads[k])
         return good[most] if leads[most] > -self.settings.min_lead else None
