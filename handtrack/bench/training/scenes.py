@@ -37,7 +37,7 @@ HANDS = (0.06, 0.84, 0.1)
 #: something behind them, a face's if there is one.
 _ALIKE, _BORROWED = 0.28, 0.2
 #: Share of the hands that look as if of skin; the others are as smooth as they were rendered.
-_CREASED = 0.7
+_CREASED = 0.6
 _LUMA = BRIGHTNESS.astype(np.float32)
 _SIZE = (SIDE_PX, SIDE_PX)
 _XY = np.mgrid[:SIDE_PX, :SIDE_PX][::-1].astype(np.float32)
