@@ -188,7 +188,7 @@ def recover(
     if track.frames_astray % RECOVER_EVERY != 1:
         return
     segmenter, shape = track.segmenter, None
-    best, least = None, np.inf
+    fits: list[tuple[float, Estimate]] = []
     anything = segmenter.find(image) or Segmenter.bootstrap(image, segmenter.background)
     for candidate in anything[:2]:
         *_, evidence = see_candidate(image, candidate.mask, camera, segmenter)
@@ -203,7 +203,7 @@ def recover(
         cost = found[0].energy + judge.facing_cost * (facing_of(found[0]) != facing)
         shape = seen_by_shape(image) if shape is None else shape
         seen = share_seen(shape, drawn(track.searcher.hand, found[0], camera))
-        if seen >= judge.min_seen and cost < least:
-            best, least = found[0], cost
-    if best is not None:
-        track.found_again(best)
+        if seen >= judge.min_seen:
+            fits.append((cost, found[0]))
+    if fits:
+        track.found_again(min(fits, key=lambda fit: fit[0])[1])

@@ -121,10 +121,10 @@ class SearchedStart:
         if not self._patience(frame) or not in_several_places(candidates):
             return _fittest(good.values())
         other = "left" if side == "right" else "right"
+        mirrored = look([candidates[k] for k in good], other)
         leads: dict[int, float] = {}
-        for k, start in good.items():
-            mirrored = look([candidates[k]], other).get(0)
-            lead = self._lead({side: start} | ({other: mirrored} if mirrored else {}))
+        for at, (k, start) in enumerate(good.items()):
+            lead = self._lead({side: start} | ({other: mirrored[at]} if at in mirrored else {}))
             leads[k] = lead if side == "right" else -lead
         most = max(leads, key=lambda k: leads[k])
         return good[most] if leads[most] > -self.settings.min_lead else None

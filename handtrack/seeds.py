@@ -147,8 +147,11 @@ def finalists_of(agreement: Array, found: list[Estimate], most: int) -> list[int
 
 def facing_as_told(estimates: list[Estimate], facings: tuple[str, ...]) -> list[Estimate]:
     """Those that show one of some sides of the hand: refinement may turn a hand over."""
-    shown = {"palm": -1.0, "back": 1.0}
-    return [e for e in estimates if any(shown[f] * e.pose.R[2, 2] > -PAST_EDGE_ON for f in facings)]
+    return [
+        e
+        for e in estimates
+        if any(FACING[f][2, 2] * e.pose.R[2, 2] > -PAST_EDGE_ON for f in facings)
+    ]
 
 
 def facing_of(estimate: Estimate) -> str:
