@@ -139,7 +139,8 @@ class BenchHandover:
             rows = over_splits(self._manipnet(side), self.split_stride, lambda _: bar.update())
         for name, row in rows.items():
             print(
-                f"  {name:24s} mean {row.mean_deg:5.2f}  median split {row.median_deg:5.2f}  "
+                f"  {name:24s} mean {row.mean_deg:5.2f} ({row.channels_deg:.2f} by channels)  "
+                f"median split {row.median_deg:5.2f}  "
                 f"best {row.best_deg:5.2f}  worst {row.worst_deg:5.2f}  "
                 f"in 90 %: {row.inside_90:.2f}"
             )
@@ -187,6 +188,7 @@ def _row(
         "markers": list(chosen),
         "error_deg": [round(s.error_deg, 3) for s in scores],
         "mean_deg": round(float(np.mean([s.error_deg for s in scores])), 3),
+        "channels_deg": round(float(np.mean([s.channels_deg for s in scores])), 3),
         "p95_deg": [round(s.p95_deg, 2) for s in scores],
         "lag_frames": [s.lag_frames for s in scores],
         "inside_90": [round(s.inside_90, 3) for s in scores],
@@ -197,6 +199,7 @@ def _row(
 def _line(row: Mapping[str, Any]) -> str:
     return (
         f"{row['set']:32s} {_numbers(row['error_deg'])}  mean {row['mean_deg']:5.2f} deg"
+        f" ({row['channels_deg']:.2f} by channels)"
         f"  lag {max(map(abs, row['lag_frames']))}  in 90 %: {np.mean(row['inside_90']):.2f}"
         + (f"  {','.join(row['markers'])}" if len(row["markers"]) < 7 else "")
     )

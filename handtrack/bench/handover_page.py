@@ -21,7 +21,8 @@ def study_parts(s: Study, measured: Mapping[str, Any]) -> list[str]:
     rows = [
         {"markers": r["set"]}
         | {c: f"{e:.2f}" for c, e in zip(measured["tests"], r["error_deg"], strict=True)}
-        | {"mean": f"{r['mean_deg']:.2f}", "in 90 %": f"{np.mean(r['inside_90']):.2f}"}
+        | {"mean": f"{r['mean_deg']:.2f}", "by channels": f"{r['channels_deg']:.2f}"}
+        | {"in 90 %": f"{np.mean(r['inside_90']):.2f}"}
         for r in measured["figure4"]
     ]
     pca = [
@@ -76,7 +77,8 @@ def split_parts(side: str, rows: Mapping[str, Row]) -> list[str]:
     """The table over all splits of the ManipNet clips."""
     table = [
         {"markers": name}
-        | {"mean": f"{row.mean_deg:.2f}", "median split": f"{row.median_deg:.2f}"}
+        | {"mean": f"{row.mean_deg:.2f}", "by channels": f"{row.channels_deg:.2f}"}
+        | {"median split": f"{row.median_deg:.2f}"}
         | {"best": f"{row.best_deg:.2f}", "worst": f"{row.worst_deg:.2f}"}
         | {clip: f"{error:.2f}" for clip, error in row.by_clip_deg.items()}
         | {"in 90 %": f"{row.inside_90:.2f}"}

@@ -12,30 +12,31 @@ from itertools import combinations
 import numpy as np
 
 from handtrack.bench.handover_study import (
-    GRID,
     MANUAL6,
     PAPER,
+    Score,
     Study,
     greedy_for,
     score,
     study,
-    tuned,
 )
 from handtrack.mocap.database import Clip
 from handtrack.mocap.ranking import rank
 from handtrack.mocap.settings import Handover
 
-#: The tuned rows choose among these on every split; a window of frames only in the long studies.
-SHORT_GRID = {**GRID, "window": (0,)}
 HELD_OUT = 2
 Set = tuple[str, tuple[str, ...], Handover]
 
 
 @dataclass(frozen=True)
 class Row:
-    """A set of markers over all splits, in degrees; ``inside_90`` is a share."""
+    """A set of markers over all splits, in degrees; ``inside_90`` is a share.
+
+    ``channels_deg`` is the mean as a skeleton counts it (:mod:`handtrack.bench.channels`).
+    """
 
     mean_deg: float
+    channels_deg: float
     median_deg: float
     best_deg: float
     worst_deg: float
@@ -53,18 +54,16 @@ def over_splits(
 
     ``sets`` gives the rows of a split, by default :func:`marker_sets`.
     """
-    errors: dict[str, list[list[float]]] = {}
-    inside: dict[str, list[float]] = {}
+    scores: dict[str, list[list[Score]]] = {}
     splits = list(combinations(sorted(clips), HELD_OUT))
     for tests in splits:
         learnt = [clips[name] for name in sorted(clips) if name not in tests]
         s = study(", ".join(tests), learnt, [clips[name] for name in tests], stride)
         for name, chosen, settings in (sets or marker_sets)(s):
             found = [score(s, clip, chosen, settings) for clip in s.tests]
-            errors.setdefault(name, []).append([one.error_deg for one in found])
-            inside.setdefault(name, []).extend(one.inside_90 for one in found)
+            scores.setdefault(name, []).append(found)
         progress(s.name)
-    return {name: _row(splits, errors[name], inside[name]) for name in errors}
+    return {name: _row(splits, found) for name, found in scores.items()}
 
 
 def marker_sets(s: Study) -> list[Set]:
@@ -72,10 +71,6 @@ def marker_sets(s: Study) -> list[Set]:
     base = s.base
     six, three = (rank(base.labels, base.X_mm).top(n) for n in (6, 3))
     plain, closed = greedy_for(base, PAPER), greedy_for(base, s.settings)
-    best = {
-        markers: tuned(s, markers, SHORT_GRID)
-        for markers in (six, three, closed.top(6), closed.top(3))
-    }
     return [
         ("all 13", base.labels, PAPER),
         ("ranked 6 (Algorithm 1)", six, PAPER),
@@ -84,25 +79,25 @@ def marker_sets(s: Study) -> list[Set]:
         ("greedy 6", plain.top(6), PAPER),
         ("greedy 3", plain.top(3), PAPER),
         ("all 13, tuned", base.labels, s.settings),
-        ("ranked 6, tuned", six, best[six]),
-        ("ranked 3, tuned", three, best[three]),
-        ("greedy 6, tuned", closed.top(6), best[closed.top(6)]),
-        ("greedy 3, tuned", closed.top(3), best[closed.top(3)]),
+        ("ranked 6, tuned", six, s.settings),
+        ("ranked 3, tuned", three, s.settings),
+        ("greedy 6, tuned", closed.top(6), s.settings),
+        ("greedy 3, tuned", closed.top(3), s.settings),
     ]
 
 
-def _row(
-    splits: Sequence[tuple[str, ...]], errors: Sequence[Sequence[float]], inside: Sequence[float]
-) -> Row:
-    table = np.array(errors)  # (splits, 2)
+def _row(splits: Sequence[tuple[str, ...]], scores: Sequence[Sequence[Score]]) -> Row:
+    every = [one for found in scores for one in found]
+    table = np.array([[one.error_deg for one in found] for found in scores])  # (splits, 2)
     clips = sorted({name for tests in splits for name in tests})
     flat = list(zip(np.ravel(splits).tolist(), table.ravel().tolist(), strict=True))
     means = table.mean(axis=1)
     return Row(
         mean_deg=round(float(table.mean()), 3),
+        channels_deg=round(float(np.mean([one.channels_deg for one in every])), 3),
         median_deg=round(float(np.median(means)), 3),
         best_deg=round(float(means.min()), 3),
         worst_deg=round(float(means.max()), 3),
         by_clip_deg={c: round(float(np.mean([e for n, e in flat if n == c])), 3) for c in clips},
-        inside_90=round(float(np.mean(inside)), 3),
+        inside_90=round(float(np.mean([one.inside_90 for one in every])), 3),
     )

@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from handtrack import rotation
+from handtrack.bench.channels import mean_knuckles, rotation_channels
 from handtrack.bench.handover_splits import over_splits
 from handtrack.bench.handover_study import (
     CLOSED,
@@ -62,6 +64,26 @@ def test_smooth_but_not_late_and_honest(alphabet):
         got = score(alphabet, clip, ranking.top(6))
         assert got.lag_frames == 0
         assert 0.8 < got.inside_90 < 0.99
+
+
+def test_channels_are_rotations_about_the_mean(alphabet):
+    theta = alphabet.base.theta[::20]
+    about = mean_knuckles(theta)
+    seen = rotation_channels(theta, about)
+    assert seen.shape == (len(theta), 24)
+    np.testing.assert_array_equal(seen[:, :4], theta[:, :4])
+    np.testing.assert_array_equal(seen[:, [7, 8]], theta[:, 6:8])
+    # a knuckle's vector is as long as its angle from the mean, and is zero in the mean
+    R = rotation.about_z(-theta[:, 5]) @ rotation.about_x(theta[:, 4])
+    far = rotation.angle_between(R, about[0])
+    np.testing.assert_allclose(np.linalg.norm(seen[:, 4:7], axis=1), far, atol=1e-9)
+    assert np.abs(seen[:, 4:7].mean(axis=0)).max() < 0.02
+
+
+def test_the_error_by_channels_is_smaller_where_knuckles_err_about_one_axis(alphabet):
+    clip = alphabet.tests[0]
+    got = score(alphabet, clip, rank(alphabet.base.labels, alphabet.base.X_mm).top(6))
+    assert 0.7 * got.error_deg < got.channels_deg < got.error_deg
 
 
 def test_cluster_pose_set_is_one_of_the_data_base(alphabet):
