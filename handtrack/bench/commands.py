@@ -232,6 +232,8 @@ class BenchSpeed:
 
     condition: str = "clean"
     """The ready scene."""
+    frames: int | None = None
+    """Frames of the whole run, of which the start takes its share; default: the scene's own."""
     out: Path = Path("bench")
     """Folder for the results."""
     clips: Path | None = None
@@ -239,7 +241,7 @@ class BenchSpeed:
 
     def __call__(self) -> int:
         """Measure and print; the exit code is 0."""
-        clip = ClipCache(self.clips or self.out / "clips")(self.condition, 0)
+        clip = ClipCache(self.clips or self.out / "clips", self.frames)(self.condition, 0)
         timings = time_likelihood(clip, default_space())
         run = whole_run(clip, self.out / "speed")
         head = ["what", "size", "ms", "a second"]

@@ -71,6 +71,12 @@ def palm_frames(keypoints_mm: Array) -> Array:
     return np.stack([np.cross(y, z), y, z], axis=-1)
 
 
+def in_image_deg(found_mm: Array, true_mm: Array) -> Array:
+    """What of the palm's turn ``(F,)`` is about the camera's axis, the one that a picture shows."""
+    turn = palm_frames(found_mm) @ np.swapaxes(palm_frames(true_mm), 1, 2)
+    return np.abs(np.degrees(rotation.log(turn)[:, 2]))
+
+
 def mcp_angles_deg(keypoints_mm: Array) -> tuple[Array, Array]:
     """Flexion and abduction ``(F, 4)`` of the fingers' first bones in the palm's frame."""
     roots, knuckles = keypoints_mm[:, 5::4], keypoints_mm[:, 6::4]
@@ -115,6 +121,7 @@ def _angle_scores(found: Array, true: Array, use: NDArray[np.bool_]) -> Scores:
         "bend_thumb_deg": _mean(np.abs(delta[:, 0])),
         "bend_worst_deg": float(np.percentile(np.abs(delta), 95)) if use.any() else np.nan,
         "palm_deg": _mean(_turn_deg(turn)),
+        "palm_in_image_deg": _mean(in_image_deg(found[use], true[use])),
         "bend_free_deg": _mean(np.abs(free)),
         "palm_free_deg": _mean(_turn_deg(turn @ _mean_turn(turn).T)) if use.any() else np.nan,
         "jitter_deg": jitter_deg(found, use),

@@ -35,10 +35,11 @@ MAIN: dict[str, str] = {
     "track_ms": "ms/frame",
     "fps": "fps",
 }
-#: Scores of the paper's own table.
+#: Scores of the paper's own table; it does not say about which axes its rotation is.
 PAPER: dict[str, str] = {
     "x_px": "x px",
     "rotation_deg": "rotation",
+    "palm_in_image_deg": "(in the image)",
     "index_pip_deg": "index PIP",
     "middle_mcp_deg": "middle MCP",
     "ring_pip_deg": "ring PIP",
@@ -59,12 +60,12 @@ def as_text(summary: Sequence[Mapping[str, Any]], columns: Mapping[str, str]) ->
 def paper_table(summary: Sequence[Mapping[str, Any]]) -> str:
     """The six numbers of the paper's simulation, theirs first."""
     head = ["condition", "method", *PAPER.values()]
-    theirs = ["(published)", "paper", *(f"{PAPER_ROWS[name]:.2f}" for name in PAPER)]
+    theirs = [f"{PAPER_ROWS[name]:.2f}" if name in PAPER_ROWS else "" for name in PAPER]
     body = [
         [row["condition"], method_of(row), *(_cell(row["scores"].get(name)) for name in PAPER)]
         for row in summary
     ]
-    return aligned([head, theirs, *body])
+    return aligned([head, ["(published)", "paper", *theirs], *body])
 
 
 def samples_table(outcomes: Sequence[Outcome]) -> str:

@@ -1,5 +1,7 @@
 """The metrics tell a good tracker from a broken one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -119,6 +121,15 @@ def test_coverage_of_a_normal_error_is_what_it_says() -> None:
     wrong = theta + rng.normal(0, np.radians(5.0), theta.shape)
     assert coverage(track_of(wrong, std_deg=5.0), TRUTH) == pytest.approx(0.9, abs=0.03)
     assert coverage(track_of(wrong, std_deg=1.0), TRUTH) < 0.35
+
+
+@pytest.mark.parametrize(("about", "seen_deg"), [("z", 8.0), ("x", 0.0), ("y", 0.0)])
+def test_a_turn_in_the_image_is_one_about_the_camera_s_axis(about, seen_deg) -> None:
+    turn = {"x": rotation.about_x, "y": rotation.about_y, "z": rotation.about_z}[about]
+    turned = TRUTH.keypoints_mm @ turn(np.radians(8.0)).T
+    got = score(replace(TRUTH, keypoints_mm=turned), TRUTH)
+    assert got["palm_deg"] == pytest.approx(8.0, abs=1e-6)
+    assert got["palm_in_image_deg"] == pytest.approx(seen_deg, abs=1e-6)
 
 
 def test_pixels_and_paper_x() -> None:
