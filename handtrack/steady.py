@@ -42,11 +42,12 @@ MOST_HELD = 16
 
 
 class Waiting(NamedTuple, Generic[Extra]):
-    """A result, the hand it is of, and what goes with it."""
+    """A result, the hand it is of, what goes with it, and whether it goes on from the last."""
 
     result: FrameResult
     shape: HandShape
     extra: Extra
+    goes_on: bool
 
 
 class Steadier(Generic[Extra]):
@@ -69,7 +70,8 @@ class Steadier(Generic[Extra]):
         self, result: FrameResult, shape: HandShape, extra: Extra
     ) -> list[tuple[FrameResult, Extra]]:
         """Take one more result; what is ready by now, oldest first."""
-        self._rows.append(Waiting(result, shape, extra))
+        goes_on = bool(self._rows) and _of_one_motion(self._rows[-1], result, shape)
+        self._rows.append(Waiting(result, shape, extra, goes_on))
         held = len(self._rows) - self._given
         ready = [
             k
@@ -111,18 +113,22 @@ class Steadier(Generic[Extra]):
             return run
         for step in (-1, 1):
             j = k
-            while 0 <= j + step < len(self._rows) and self._goes_on(j, j + step, k):
+            while 0 <= j + step < len(self._rows) and self._rows[max(j, j + step)].goes_on:
                 j += step
+                if abs(self._rows[j].result.time_s - run[0].time_s) >= self.half_s:
+                    break
                 run.append(self._rows[j].result)
         return run
 
-    def _goes_on(self, a: int, b: int, centre: int) -> bool:
-        """Whether row ``b`` is of one motion with its neighbour ``a``, near enough to count."""
-        (one, shape, _), (other, other_shape, _) = self._rows[a], self._rows[b]
-        near = abs(other.time_s - self._rows[centre].result.time_s) < self.half_s
-        if not near or not _known(other) or one.side != other.side or shape is not other_shape:
-            return False
-        return bool(rotation.angle_between(one.R, other.R) < np.radians(JUMP_DEG))
+
+def _of_one_motion(before: Waiting[Extra], result: FrameResult, shape: HandShape) -> bool:
+    """Whether a result goes on from the one before it: no gap, no other hand, no jump."""
+    one = before.result
+    if not _known(one) or not _known(result) or one.side != result.side:
+        return False
+    if before.shape is not shape:
+        return False
+    return bool(rotation.angle_between(one.R, result.R) < np.radians(JUMP_DEG))
 
 
 def averaged(

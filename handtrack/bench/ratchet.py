@@ -2,7 +2,8 @@
 
 ``tests/baseline.json`` holds medians and ranges of a reduced suite. A run is worse if a median is
 worse than the baseline's by more than the range of the baseline's own seeds, or by more than
-`FLOOR`, whichever is larger. ``handtrack bench --baseline FILE`` checks, ``--accept`` replaces it.
+`FLOOR`, whichever is larger; the range of more seeds than two counts less, since their median is
+the surer. ``handtrack bench --baseline FILE`` checks, ``--accept`` replaces it.
 """
 
 import json
@@ -41,7 +42,8 @@ def worsened(
                 continue
             sign = -1 if name in _LARGER_IS_BETTER else 1
             change = sign * (after["median"] - before["median"])
-            if change > (allowed := max(before["high"] - before["low"], floor)):
+            spread = (before["high"] - before["low"]) * (2 / max(row["seeds"], 2)) ** 0.5
+            if change > (allowed := max(spread, floor)):
                 said.append(
                     f"{' '.join(where)}: {name} was {before['median']}, now {after['median']}; "
                     f"{allowed:.3g} would be allowed"

@@ -130,9 +130,8 @@ class Background:
     def through(self, window: Window) -> Float:
         """RGB mean and standard deviation ``(h, w, 4)``, the latter 1e6 where not known."""
         if self._seen is None:
-            sigma = np.where(self.known, np.sqrt(self.variance) + 2.0, 1e6)
-            merged = cv2.merge([self.mean, sigma.astype(np.float32)])
-            self._seen = np.asarray(merged, np.float32)
+            self._seen = np.empty((*self.mean.shape[:2], 4), np.float32)
+            seen_kernel(self.mean, self.variance, self.age, self._seen)
         s = self.scale
         A = np.array(
             [
@@ -177,7 +176,7 @@ class Background:
         return np.asarray(grown, np.uint8)
 
     def _follow_exposure(self, small: Pixels, covered: NDArray[np.uint8]) -> None:
-        use = self.known[::8, ::8] & (covered[::8, ::8] == 0)
+        use = (self.age[::8, ::8] >= KNOWN_FRAMES) & (covered[::8, ::8] == 0)
         if use.sum() < 50:
             return
         now = small[::8, ::8][use].sum(axis=-1).astype(np.float32)
@@ -187,11 +186,35 @@ class Background:
             self.mean *= np.float32(gain)
 
     def _camera_moved(self, small: Pixels, covered: NDArray[np.uint8]) -> bool:
-        use = self.known[::4, ::4] & (covered[::4, ::4] == 0)
-        if use.sum() < 50:
-            return False
-        d = largest_channel(np.abs(small[::4, ::4][use] - self.mean[::4, ::4][use]))
-        return bool(np.mean(d > 12 + 3 * np.sqrt(self.variance[::4, ::4][use])) > MOVED_SHARE)
+        known, changed = changed_kernel(small, covered, self.mean, self.variance, self.age)
+        return bool(known >= 50 and changed > MOVED_SHARE * known)
+
+
+@numba.njit(cache=True, nogil=True)
+def changed_kernel(rgb, covered, mean, variance, age):  # type: ignore[no-untyped-def]
+    """How many pixels of a grid are known and not covered, and how many of those look changed."""
+    known, changed = 0, 0
+    for i in range(0, mean.shape[0], 4):
+        for j in range(0, mean.shape[1], 4):
+            if covered[i, j] or age[i, j] < KNOWN_FRAMES:
+                continue
+            known += 1
+            far = np.float32(0.0)
+            for c in range(3):
+                far = max(far, abs(rgb[i, j, c] - mean[i, j, c]))
+            changed += far > 12 + 3 * np.sqrt(variance[i, j])
+    return known, changed
+
+
+@numba.njit(cache=True, nogil=True)
+def seen_kernel(mean, variance, age, seen):  # type: ignore[no-untyped-def]
+    """Fill ``seen`` ``(h, w, 4)`` with mean and standard deviation, 1e6 where not known."""
+    for i in range(mean.shape[0]):
+        for j in range(mean.shape[1]):
+            for c in range(3):
+                seen[i, j, c] = mean[i, j, c]
+            known = age[i, j] >= KNOWN_FRAMES
+            seen[i, j, 3] = np.sqrt(variance[i, j]) + np.float32(2.0) if known else 1e6
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)

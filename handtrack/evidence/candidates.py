@@ -4,8 +4,8 @@ Nothing is known of the clip, so several independent cues each propose, on a sma
 (320 px on the long side), and every proposal is scored by the same questions:
 
 - *shape*: what a network takes for a hand, whatever its colour
-  (:mod:`~handtrack.evidence.shape_cue`), at two sizes of the picture and by their mean; other cues'
-  proposals are the more plausible the more they overlap with it;
+  (:mod:`~handtrack.evidence.shape_cue`), at two sizes of the picture, the smaller one mirrored, and
+  by their mean; other cues' proposals are the more plausible the more they overlap with it;
 - *skin*: a prior over chromaticity that holds from very pale to very dark skin, under any light
   that a camera has balanced: ``(log R/G, log G/B) ~ N``. Skin differs in brightness far more than
   in this;
@@ -28,6 +28,7 @@ it is a hand; here only the plainly impossible is dropped.
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import cv2
 import numpy as np
@@ -36,6 +37,7 @@ from numpy.typing import NDArray
 from handtrack.evidence import shape_cue
 from handtrack.evidence.background import Background, shrink, smooth_backdrop
 from handtrack.evidence.colour import ColourModel, largest_channel, to_ycc
+from handtrack.parallel import each
 from handtrack.records import freeze_arrays
 
 Pixels = NDArray[np.uint8]
@@ -52,8 +54,10 @@ LEAST_CHROMA_SIGMA = 0.05
 #: So many of the best candidates are also tried without what is of another colour, if what is left
 #: is such a share of them.
 PURIFIED, PURER_SHARE = 2, (0.5, 0.985)
-#: Long sides of the pictures that the shape cue sees, and log odds that are clear.
-SHAPE_SIDES_PX, CLEAR_SHAPE = (160, 320), 1.5
+#: Long sides of the pictures that the shape cue sees, and whether it sees their mirror images.
+SHAPE_VIEWS = ((160, True), (320, False))
+#: Log odds by the shape cue that are clear.
+CLEAR_SHAPE = 1.5
 #: A hand takes this share of the picture.
 AREA_RANGE = (0.008, 0.6)
 
@@ -85,8 +89,11 @@ def find_candidates(frame_rgb: Pixels, background: Background | None = None) -> 
     """Candidate silhouettes of a whole frame ``(H, W, 3)``, the most plausible first."""
     small = shrink(frame_rgb, LONG_SIDE_PX)
     soft = np.asarray(cv2.GaussianBlur(small, (3, 3), 0), np.uint8)
-    seen = [shrink(frame_rgb, side) for side in SHAPE_SIDES_PX]
-    shapes = [shape_cue.log_odds_sized(picture, soft.shape[1::-1]) for picture in seen]
+    size = soft.shape[1::-1]
+    shapes = [
+        shape_cue.log_odds_sized(shrink(frame_rgb, side), size, mirrored)
+        for side, mirrored in SHAPE_VIEWS
+    ]
     shapes.append(np.mean(shapes, axis=0, dtype=np.float32))
     guesses = _guesses(frame_rgb, soft, background, shapes)
     return ranked(soft, guesses, frame_rgb.shape[1::-1], shapes)
@@ -210,21 +217,20 @@ def _guesses(
 ) -> Iterator[tuple[str, Mask]]:
     """First guesses of each cue, refined, ``(h, w)``."""
     *sizes, both = shapes
-    for odds in sizes:
-        yield "shape", refine(soft, np.clip(odds, -4, 4), fading=1.0)
-    yield "shape", both > 0
-    yield "shape", both > CLEAR_SHAPE
-    skin = refine(soft, skin_log_odds(soft))
-    yield "skin", skin
     backdrop, sigma = smooth_backdrop(soft)
     distance = np.linalg.norm(soft - backdrop, axis=-1)
     unlike = distance > max(3.5 * sigma, _otsu(distance) * 0.6)
-    closed = cv2.morphologyEx(unlike.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5))) > 0
-    wholes = [
-        unlike,
-        closed,
-        refine(soft, np.where(unlike, 2.0, -2.0).astype(np.float32), rounds=2),
+    refinements = [partial(refine, soft, np.clip(odds, -4, 4), fading=1.0) for odds in sizes]
+    refinements += [
+        partial(refine, soft, skin_log_odds(soft)),
+        partial(refine, soft, np.where(unlike, 2.0, -2.0).astype(np.float32), rounds=2),
     ]
+    *by_shape, skin, by_backdrop = each(lambda refined: refined(), refinements)
+    for whole in (*by_shape, both > 0, both > CLEAR_SHAPE):
+        yield "shape", whole
+    yield "skin", skin
+    closed = cv2.morphologyEx(unlike.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5))) > 0
+    wholes = [unlike, closed, by_backdrop]
     for whole in wholes:
         yield "backdrop", whole
     moved = background.difference(frame_rgb) if background is not None else None
@@ -260,9 +266,9 @@ def refine(rgb: Pixels, log_odds: Float, rounds: int = 3, fading: float = 0.5) -
 
 
 def colour_clusters(rgb: Pixels, where: Mask, k: int) -> list[Mask]:
-    """``k`` masks: the colour clusters (k-means in Lab, luma halved) of the pixels ``where``."""
-    lab = cv2.cvtColor(rgb, cv2.COLOR_RGB2LAB).astype(np.float32) * (0.5, 1.0, 1.0)
-    soft = cv2.GaussianBlur(lab.astype(np.float32), (5, 5), 0)
+    """``k`` masks: clusters of the colours ``where`` (k-means in YCrCb, luma times 0.4)."""
+    ycc = to_ycc(rgb) * np.array([0.4, 1.0, 1.0], np.float32)
+    soft = cv2.GaussianBlur(ycc, (5, 5), 0)
     samples = np.ascontiguousarray(soft[where])
     if len(samples) < 50 * k:
         return []

@@ -37,6 +37,13 @@ def log_odds(rgb: Pixels, network: TrainedNetwork | None = None) -> Float:
     return np.asarray(cv2.resize(answer, padded.shape[1::-1])[:h, :w], np.float32)
 
 
-def log_odds_sized(rgb: Pixels, size: tuple[int, ...]) -> Float:
-    """The log odds of a picture, blown up or down to a width and height ``size``."""
+def log_odds_sized(rgb: Pixels, size: tuple[int, ...], mirrored: bool = False) -> Float:
+    """The log odds of a picture, blown up or down to a width and height ``size``.
+
+    ``mirrored``: by what is seen in the picture's mirror image. The network does not see the same
+    there, and two such answers err less together than two of the picture as it is.
+    """
+    if mirrored:
+        turned = np.ascontiguousarray(rgb[:, ::-1])
+        return np.ascontiguousarray(log_odds_sized(turned, size)[:, ::-1])
     return np.asarray(cv2.resize(log_odds(rgb), size), np.float32)

@@ -47,8 +47,9 @@ SHADOW_SHARE = 0.05
 MOST_COVERED = 0.5
 #: Share of the hand and of what is around it that colours may take for the other without help.
 MOST_MISTAKEN = 0.03
-#: Scales at which the shape cue then sees the picture; its answers are averaged.
-SHAPE_SCALES = (0.5, 0.75)
+#: Scales at which the shape cue then sees the picture, and whether it sees its mirror image; its
+#: answers are averaged.
+SHAPE_VIEWS = ((0.5, False), (0.75, True))
 #: Log odds from which the shape cue is sure.
 SURE_SHAPE = 2.0
 #: Where shadows would swallow more of the first silhouette than this, there are none.
@@ -212,9 +213,10 @@ class Segmenter:
         flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
         seed = cv2.warpAffine(hand.astype(np.uint8), A, small.shape[1::-1], flags=flags) > 0
         alike = (self.colours.log_odds(small) > 0) | seed
-        _, labels = cv2.connectedComponents(alike.astype(np.uint8))
-        joined = np.unique(labels[seed])
-        covered = np.isin(labels, joined[joined > 0])
+        n, labels = cv2.connectedComponents(alike.astype(np.uint8))
+        joined = np.zeros(n, bool)
+        joined[labels[seed]] = True
+        covered = joined[labels]
         return covered if covered.mean() < MOST_COVERED else seed
 
 
@@ -227,10 +229,10 @@ def _by_shape(rgb: Pixels) -> Float:
     """Log odds ``(h, w)`` of the shape cue, the mean of how it sees the picture at two scales."""
     h, w = rgb.shape[:2]
     answers = []
-    for scale in SHAPE_SCALES:
+    for scale, mirrored in SHAPE_VIEWS:
         size = (max(1, round(scale * w)), max(1, round(scale * h)))
         seen = np.asarray(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), np.uint8)
-        answers.append(shape_cue.log_odds_sized(seen, (w, h)))
+        answers.append(shape_cue.log_odds_sized(seen, (w, h), mirrored))
     return np.mean(answers, axis=0, dtype=np.float32)
 
 

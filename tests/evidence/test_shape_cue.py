@@ -43,6 +43,18 @@ def test_any_size_of_picture_gets_an_answer_of_its_size():
         assert np.isfinite(answer).all()
 
 
+def test_a_mirrored_answer_lies_where_the_hand_is(drawing):
+    """It is that of the mirror image, turned back, and it is another."""
+    wood = drawing.wood((120, 160), (150, 104, 74))
+    drawn = drawing.draw(wood, (150, 104, 74), drawing.spread(), scale=0.45)
+    size = (160, 120)
+    mirrored = shape_cue.log_odds_sized(drawn.image, size, mirrored=True)
+    assert overlap(mirrored > 0, drawn.mask) > 0.6
+    turned = np.ascontiguousarray(drawn.image[:, ::-1])
+    np.testing.assert_array_equal(mirrored[:, ::-1], shape_cue.log_odds_sized(turned, size))
+    assert not np.array_equal(mirrored, shape_cue.log_odds_sized(drawn.image, size))
+
+
 def test_threads_that_ask_at_once_get_their_own_answers():
     rng = np.random.default_rng(0)
     asked = [rng.integers(0, 256, (64, 64, 3), dtype=np.uint8) for _ in range(8)]

@@ -31,6 +31,25 @@ def test_candidates_respect_the_limits_and_reach_both_ends(method: RefinedMethod
     assert np.ptp(candidates[:, 2]) > np.radians(80)
 
 
+def test_what_was_tried_is_the_hand_with_one_digit_changed(
+    method: RefinedMethod, view: View, truth
+) -> None:
+    pose, theta = truth
+    prior = method.prior(Estimate(pose, theta, np.full(20, 0.1)), loose=4.0)
+    settings = SweepSettings()
+    tried = np.full((5, settings.samples, 20), np.nan)
+    best, energies = sweep(
+        method.refiner, view, pose, theta, prior, method.lines, settings,
+        np.random.default_rng(0), tried,
+    )  # fmt: skip
+    for d in range(5):
+        others = np.delete(tried[d], np.s_[4 * d : 4 * d + 4], axis=1)
+        assert (others == others[0]).all()
+        mine = best[4 * d : 4 * d + 4]
+        cheapest = tried[d, energies[d].argmin(), 4 * d : 4 * d + 4]
+        assert np.array_equal(mine, cheapest) or np.array_equal(mine, theta[4 * d : 4 * d + 4])
+
+
 def test_a_sweep_finds_a_finger_that_refinement_does_not(
     method: RefinedMethod, view: View, truth
 ) -> None:
