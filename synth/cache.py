@@ -1,6 +1,7 @@
 """Clips are made once: a folder per scene, named after everything that decides its bytes."""
 
 import hashlib
+import os
 import shutil
 from dataclasses import asdict, dataclass, replace
 from functools import cache
@@ -33,13 +34,28 @@ class ClipCache:
             motion = replace(scene.motion, fingers="recording", recording=replayed)
             scene = replace(scene, motion=motion)
         made = self.folder / f"{condition}-{seed}-{key_of(scene)}"
-        if not (made / "truth.npz").is_file():
-            part = made.with_name(f".{made.name}.part")
+        if not _is_whole(made):
+            part = made.with_name(f".{made.name}-{os.getpid()}.part")  # others may make it too
             shutil.rmtree(part, ignore_errors=True)
             write_clip(scene, part)
-            shutil.rmtree(made, ignore_errors=True)
-            part.rename(made)
+            _put_in_place(part, made)
         return made
+
+
+def _is_whole(made: Path) -> bool:
+    return (made / "truth.npz").is_file()
+
+
+def _put_in_place(part: Path, made: Path) -> None:
+    """Rename a clip that is whole; one that another process has put there meanwhile stays."""
+    if not _is_whole(made):
+        shutil.rmtree(made, ignore_errors=True)
+    try:
+        part.rename(made)
+    except OSError:
+        if not _is_whole(made):
+            raise
+        shutil.rmtree(part)
 
 
 def key_of(scene: Scene) -> str:

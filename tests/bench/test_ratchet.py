@@ -12,8 +12,8 @@ from synth.cache import ClipCache
 from synth.render import NoGLError
 
 BASELINE = Path(__file__).parents[1] / "baseline.json"
-#: What the baseline was made with: handtrack bench --suite reduced --seeds 2 --frames 60.
-SEEDS, FRAMES = 2, 60
+#: What the baseline was made with: handtrack bench --suite reduced --seeds 6 --frames 60.
+SEEDS, FRAMES = 6, 60
 
 
 def row(bend: float, share: float = 1.0, spread: float = 0.0) -> dict:
@@ -42,6 +42,13 @@ def row(bend: float, share: float = 1.0, spread: float = 0.0) -> dict:
 )
 def test_worse_is_worse(before, after, complaints):
     assert len(worsened([after], [before])) == complaints
+
+
+def test_the_range_of_many_seeds_counts_less():
+    few, many = row(5.0, spread=2.0), {**row(5.0, spread=2.0), "seeds": 8}
+    assert len(worsened([row(6.5)], [few])) == 0
+    assert len(worsened([row(6.5)], [many])) == 1
+    assert len(worsened([row(5.9)], [many])) == 0
 
 
 def test_a_score_that_is_gone_is_worse():
