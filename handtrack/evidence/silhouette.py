@@ -47,9 +47,8 @@ SHADOW_SHARE = 0.05
 MOST_COVERED = 0.5
 #: Share of the hand and of what is around it that colours may take for the other without help.
 MOST_MISTAKEN = 0.03
-#: Scales at which the shape cue then sees the picture, and whether it sees its mirror image; its
-#: answers are averaged.
-SHAPE_VIEWS = ((0.5, False), (0.75, True))
+#: Scales at which the shape cue then sees the picture; its answers are averaged.
+SHAPE_SCALES = (0.5, 0.75)
 #: Log odds from which the shape cue is sure.
 SURE_SHAPE = 2.0
 #: Where shadows would swallow more of the first silhouette than this, there are none.
@@ -229,10 +228,10 @@ def _by_shape(rgb: Pixels) -> Float:
     """Log odds ``(h, w)`` of the shape cue, the mean of how it sees the picture at two scales."""
     h, w = rgb.shape[:2]
     answers = []
-    for scale, mirrored in SHAPE_VIEWS:
+    for scale in SHAPE_SCALES:
         size = (max(1, round(scale * w)), max(1, round(scale * h)))
         seen = np.asarray(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), np.uint8)
-        answers.append(shape_cue.log_odds_sized(seen, (w, h), mirrored))
+        answers.append(shape_cue.log_odds_sized(seen, (w, h)))
     return np.mean(answers, axis=0, dtype=np.float32)
 
 
