@@ -109,8 +109,6 @@ class Steadier(Generic[Extra]):
     def _run_about(self, k: int) -> list[FrameResult]:
         """The results about the ``k``-th that are within reach and of one motion with it."""
         run = [self._rows[k].result]
-        if self.half_s <= 0 or not _known(run[0]):
-            return run
         for step in (-1, 1):
             j = k
             while 0 <= j + step < len(self._rows) and self._rows[max(j, j + step)].goes_on:
@@ -124,11 +122,10 @@ class Steadier(Generic[Extra]):
 def _of_one_motion(before: Waiting[Extra], result: FrameResult, shape: HandShape) -> bool:
     """Whether a result goes on from the one before it: no gap, no other hand, no jump."""
     one = before.result
-    if not _known(one) or not _known(result) or one.side != result.side:
+    if not _known(one) or not _known(result):
         return False
-    if before.shape is not shape:
-        return False
-    return bool(rotation.angle_between(one.R, result.R) < np.radians(JUMP_DEG))
+    same = one.side == result.side and before.shape is shape
+    return bool(same and rotation.angle_between(one.R, result.R) < np.radians(JUMP_DEG))
 
 
 def averaged(

@@ -5,27 +5,23 @@ clip is tested five times. The mean over all of them is the headline, with the m
 splits and each clip's own mean beside it.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
 from handtrack.bench.handover_study import (
-    MANUAL6,
-    PAPER,
     Score,
+    Set,
     Study,
-    greedy_for,
+    marker_sets,
     score,
     study,
 )
 from handtrack.mocap.database import Clip
-from handtrack.mocap.ranking import rank
-from handtrack.mocap.settings import Handover
 
 HELD_OUT = 2
-Set = tuple[str, tuple[str, ...], Handover]
 
 
 @dataclass(frozen=True)
@@ -48,42 +44,22 @@ def over_splits(
     clips: Mapping[str, Clip],
     stride: int,
     progress: Callable[[str], object] = lambda text: None,
-    sets: Callable[[Study], list[Set]] | None = None,
+    sets: Callable[[Study], Iterable[Set]] = marker_sets,
 ) -> dict[str, Row]:
     """Rows by name, each over every choice of two clips to hold out.
 
-    ``sets`` gives the rows of a split, by default :func:`marker_sets`.
+    ``sets`` gives the rows of a split, by default those of the study that need no ``rng``.
     """
     scores: dict[str, list[list[Score]]] = {}
     splits = list(combinations(sorted(clips), HELD_OUT))
     for tests in splits:
         learnt = [clips[name] for name in sorted(clips) if name not in tests]
         s = study(", ".join(tests), learnt, [clips[name] for name in tests], stride)
-        for name, chosen, settings in (sets or marker_sets)(s):
+        for name, chosen, settings in sets(s):
             found = [score(s, clip, chosen, settings) for clip in s.tests]
             scores.setdefault(name, []).append(found)
         progress(s.name)
     return {name: _row(splits, found) for name, found in scores.items()}
-
-
-def marker_sets(s: Study) -> list[Set]:
-    """Name, markers and settings of every row on one split."""
-    base = s.base
-    six, three = (rank(base.labels, base.X_mm).top(n) for n in (6, 3))
-    plain, closed = greedy_for(base, PAPER), greedy_for(base, s.settings)
-    return [
-        ("all 13", base.labels, PAPER),
-        ("ranked 6 (Algorithm 1)", six, PAPER),
-        ("ranked 3 (Algorithm 1)", three, PAPER),
-        ("manual 6 (Hoyet)", MANUAL6, PAPER),
-        ("greedy 6", plain.top(6), PAPER),
-        ("greedy 3", plain.top(3), PAPER),
-        ("all 13, tuned", base.labels, s.settings),
-        ("ranked 6, tuned", six, s.settings),
-        ("ranked 3, tuned", three, s.settings),
-        ("greedy 6, tuned", closed.top(6), s.settings),
-        ("greedy 3, tuned", closed.top(3), s.settings),
-    ]
 
 
 def _row(splits: Sequence[tuple[str, ...]], scores: Sequence[Sequence[Score]]) -> Row:

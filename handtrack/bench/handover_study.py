@@ -25,6 +25,8 @@ from handtrack.mocap.smoothing import cone, lag_frames
 from handtrack.mocap.validation import NINETY
 
 Array = NDArray[np.float64]
+#: Name, markers and settings of a row.
+Set = tuple[str, tuple[str, ...], Handover]
 
 #: By hand, after Hoyet et al. 2012: thumb, index and little finger, tip and middle joint.
 MANUAL6 = ("thumb_tip", "index_tip", "little_tip", "thumb_ip", "index_pip", "little_pip")
@@ -143,27 +145,31 @@ def cluster_pose_six(base: Database, rng: np.random.Generator, size: int = 6) ->
     return tuple(base.labels[m] for m in sets[int(np.argmin(worth))])
 
 
-def marker_sets(
-    s: Study, rng: np.random.Generator
-) -> Iterator[tuple[str, tuple[str, ...], Handover]]:
-    """Figure 4 and beyond: name, markers and settings of every row."""
+def marker_sets(s: Study, rng: np.random.Generator | None = None) -> Iterator[Set]:
+    """Figure 4 and beyond: name, markers and settings of every row.
+
+    Without ``rng`` (of the clusters), only of those that are shown over all splits.
+    """
     base = s.base
     ranking = rank(base.labels, base.X_mm)
     yield "all 13", base.labels, PAPER
     yield "ranked 6 (Algorithm 1)", ranking.top(6), PAPER
     yield "ranked 3 (Algorithm 1)", ranking.top(3), PAPER
-    plain = rank(base.labels, base.X_mm, top_components=3)
-    yield "unweighted 6 (top 3 components)", plain.top(6), PAPER
+    if rng is not None:
+        plain = rank(base.labels, base.X_mm, top_components=3)
+        yield "unweighted 6 (top 3 components)", plain.top(6), PAPER
     yield "manual 6 (Hoyet)", MANUAL6, PAPER
-    yield "cluster-pose 6 (Kang)", cluster_pose_six(base, rng), PAPER
-    yield "five fingertips", TIPS5, PAPER
+    if rng is not None:
+        yield "cluster-pose 6 (Kang)", cluster_pose_six(base, rng), PAPER
+        yield "five fingertips", TIPS5, PAPER
     steps = greedy_for(base, PAPER)
     yield "greedy 6", steps.top(6), PAPER
     yield "greedy 3", steps.top(3), PAPER
     yield "all 13, tuned", base.labels, s.settings
     yield "ranked 6, tuned", ranking.top(6), s.settings
     yield "ranked 3, tuned", ranking.top(3), s.settings
-    yield "manual 6, tuned", MANUAL6, s.settings
+    if rng is not None:
+        yield "manual 6, tuned", MANUAL6, s.settings
     steps = greedy_for(base, s.settings)
     yield "greedy 6, tuned", steps.top(6), s.settings
     yield "greedy 3, tuned", steps.top(3), s.settings

@@ -29,6 +29,7 @@ it is a hand; here only the plainly impossible is dropped.
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from operator import call
 
 import cv2
 import numpy as np
@@ -225,7 +226,7 @@ def _guesses(
         partial(refine, soft, skin_log_odds(soft)),
         partial(refine, soft, np.where(unlike, 2.0, -2.0).astype(np.float32), rounds=2),
     ]
-    *by_shape, skin, by_backdrop = each(lambda refined: refined(), refinements)
+    *by_shape, skin, by_backdrop = each(call, refinements)
     for whole in (*by_shape, both > 0, both > CLEAR_SHAPE):
         yield "shape", whole
     yield "skin", skin
