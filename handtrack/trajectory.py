@@ -206,7 +206,7 @@ class Trajectory:
 
     @classmethod
     def load(cls, path: str | Path) -> "Trajectory":
-        """Read what :meth:`save` wrote, or the folder of a run.
+        """Read what :meth:`save` wrote, or the folder of a run or a hand-over.
 
         The tables of a folder are rounded (0.0001 deg, 0.0001 mm, 0.001 px); its ``run.json``
         becomes the provenance.

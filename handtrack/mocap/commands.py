@@ -35,8 +35,8 @@ from handtrack.mocap.sources import Method, rank_sources
 from handtrack.output.bvh import write_hand_bvh
 from handtrack.output.files import open_whole, output_folder, save_whole
 from handtrack.output.provenance import RUN_JSON, versions, write_provenance
-from handtrack.output.table import ANGLES_CSV, TableWriter
-from handtrack.trajectory import Trajectory, angle_columns
+from handtrack.output.table import ANGLES_CSV, KEYPOINTS_CSV, TableWriter
+from handtrack.trajectory import Trajectory, angle_columns, keypoint_columns
 
 Array = NDArray[np.float64]
 Out = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
@@ -152,7 +152,8 @@ class HandoverCommand:
     """Reconstruct a whole hand from a few markers and a data base.
 
     The data base is one or more BVH files (markers recorded beside them, or virtual ones), or
-    'alphabet', which ships. Writes angles.csv, motion.bvh, report.html and run.json.
+    'alphabet', which ships. Writes angles.csv, keypoints.csv, motion.bvh, report.html and
+    run.json.
     """
 
     query: tyro.conf.Positional[Path]
@@ -250,9 +251,13 @@ class HandoverCommand:
         text = report(
             self.query.name, marker_set(self.set), base, names, ranking, hand, trajectory, record
         )
-        table = TableWriter(out / ANGLES_CSV, angle_columns)
+        tables = [
+            TableWriter(out / ANGLES_CSV, angle_columns),
+            TableWriter(out / KEYPOINTS_CSV, keypoint_columns),
+        ]
         try:
-            table.write(trajectory)
+            for table in tables:
+                table.write(trajectory)
             write_hand_bvh(
                 out / "motion.bvh",
                 trajectory.theta,
@@ -264,9 +269,11 @@ class HandoverCommand:
                 np.eye(3) if self.up == "y" else rotation.about_x(-np.pi / 2),
             )
         except Exception:
-            table.discard()
+            for table in tables:
+                table.discard()
             raise
-        table.finish()
+        for table in tables:
+            table.finish()
         with open_whole(out / "report.html") as file:
             file.write(text)
         write_provenance(out / RUN_JSON, record)

@@ -115,6 +115,11 @@ def export_run(settings: Export, say: Callable[[str], None] = print) -> list[Pat
     if not settings.folder.is_dir():
         raise InputError(f"{settings.folder}: is no folder; give the folder of a run")
     hand = Trajectory.load(settings.folder)
+    if hand.provenance.get("command") == "handover":
+        raise InputError(
+            f"{settings.folder}: is of a hand-over, in the axes of its markers; its motion.bvh is "
+            "ready, and export takes the folder of a run"
+        )
     if settings.rate is not None:
         if not 0 < settings.rate <= 1000:
             raise InputError(f"--rate {settings.rate:g}: wanted between 0 and 1000 frames a second")

@@ -17,6 +17,7 @@ from handtrack.mocap.marker_io import read_markers, write_markers
 from handtrack.mocap.marker_sets import marker_set
 from handtrack.mocap.markers import Markers
 from handtrack.output.bvh import write_hand_bvh
+from handtrack.trajectory import Trajectory
 
 SIX = "thumb_tip,index_tip,middle_tip,ring_tip,little_tip,index_dip"
 SAME_DEG = 1e-3
@@ -66,6 +67,7 @@ def test_attach_rank_handover_and_back(stage, capsys):
     out = folder / "out"
     assert sorted(p.name for p in out.iterdir()) == [
         "angles.csv",
+        "keypoints.csv",
         "motion.bvh",
         "report.html",
         "run.json",
@@ -84,11 +86,24 @@ def test_attach_rank_handover_and_back(stage, capsys):
     assert "<img" in (out / "report.html").read_text()
 
 
+def test_a_hand_over_is_loaded_as_a_trajectory_and_not_exported(stage, capsys):
+    folder = stage[0]
+    assert handover(stage, folder / "q.c3d", out="loaded") == 0
+    hand = Trajectory.load(folder / "loaded")
+    true = read_bvh(folder / "take.bvh").world().joints[:, 0]
+    np.testing.assert_allclose(hand.keypoints_mm[:, 0], true, atol=0.01)
+    np.testing.assert_allclose(hand.palm_mm, true, atol=0.01)
+    assert np.isnan(hand.keypoints_px).all()
+    capsys.readouterr()
+    assert main(["export", str(folder / "loaded"), "--to", "trc"]) == 2
+    assert "hand-over" in capsys.readouterr().err
+
+
 def test_same_input_same_bytes(stage):
     folder = stage[0]
     for out in ("one", "two"):
         assert handover(stage, folder / "q.c3d", "--quiet", out=out) == 0
-    for name in ("angles.csv", "motion.bvh"):
+    for name in ("angles.csv", "keypoints.csv", "motion.bvh"):
         assert (folder / "one" / name).read_bytes() == (folder / "two" / name).read_bytes()
 
 
