@@ -72,9 +72,9 @@ class JudgeSettings:
     least_seen: float = 0.3
     """and without which one in track is lost at the next look."""
     decided: float = 0.94
-    """Decidedness of the evidence from which an angle's deviation is as the curvature gives it."""
+    """Decidedness of the evidence from which an outline is as sure as outlines are."""
     undecided: float = 14.0
-    """Growth of its factor with what is missing; both fitted on the benchmark, seeds 3 to 5."""
+    """Growth of its doubt with what is missing; both fitted on the benchmark, seeds 3 to 5."""
 
 
 def overlap(hand: CapsuleHand, estimate: Estimate, view: View, wrist_line_mm: float) -> float:
@@ -120,7 +120,7 @@ def confidence(overlap: float, settings: JudgeSettings) -> float:
 
 
 def doubtful(decided: float, settings: JudgeSettings) -> float:
-    """Factor on standard deviations: an outline that is half a guess may be met, and be wrong.
+    """Factor on the deviations of what is seen: an outline that is half a guess may be wrong.
 
     >>> doubtful(0.95, JudgeSettings()), round(doubtful(0.8, JudgeSettings()), 2)
     (1.0, 2.96)

@@ -89,7 +89,9 @@ class RefinedSettings:
     floor_deg: float = 6.0
     """Standard deviation added to it in every direction."""
     told: float = 0.25
-    """Share of what the proposer says its angles are worth that is believed."""
+    """Share of what the proposer says its angles are worth that is believed,"""
+    told_by_shape: float = 1.0
+    """and where colours cannot tell the hand from what is behind it."""
     told_share: float = 0.5
     """Share of the proposals of whole hands that are the proposer's, not basis states."""
     spread: float = 1.5
@@ -114,7 +116,7 @@ class RefinedMethod:
         self.lines = digit_lines(space)
         self.precision = off_line_precision(space, self.lines, settings.widen, settings.floor_deg)
         self.facing = Facing(settings.facing_frames)
-        self.told: tuple[Array, Array] | None = None  # angles and spread, from the picture
+        self.told: tuple[Array, Array] | None = None  # angles and weights, from the picture
 
     def prior(self, predicted: Estimate, loose: float = 1.0) -> Prior:
         """Prior about a prediction; ``loose`` multiplies its standard deviations.
@@ -127,7 +129,7 @@ class RefinedMethod:
         facing_std = np.radians(s.facing_std_deg) if loose == 1.0 else 0.0
         told, told_weight = predicted.theta, np.zeros(20)
         if loose == 1.0 and self.told is not None:
-            told, told_weight = self.told[0], s.told / self.told[1] ** 2
+            told, told_weight = self.told
         return Prior(
             lines=self.lines,
             precision=self.precision,
@@ -142,12 +144,15 @@ class RefinedMethod:
             told_weight=told_weight,
         )
 
-    def tell(self, hypotheses: Hypotheses, predicted: Estimate) -> None:
+    def tell(self, hypotheses: Hypotheses, predicted: Estimate, by_shape: bool) -> None:
         """How fingers bend by the proposer, for a palm as predicted; believed until told anew.
 
-        Where it sees no such palm it says nothing of them.
+        Where it sees no such palm it says nothing of them. It counts for more where the outline is
+        known ``by_shape``, so not well.
         """
-        self.told = hypotheses.angles(predicted.pose.R)
+        share = self.settings.told_by_shape if by_shape else self.settings.told
+        told = hypotheses.angles(predicted.pose.R)
+        self.told = None if told is None else (told[0], share / told[1] ** 2)
 
     def follow(self, view: View, predicted: Estimate, rng: np.random.Generator) -> Estimate:
         """The hand in this frame, from where it was expected."""

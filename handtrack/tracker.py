@@ -204,7 +204,8 @@ class Tracker:
             evidence, view = self._see(image, track, predicted)
         with self._timed("method"):
             if track.method is track.searcher and frame.index % ASK_EVERY == 0:
-                track.searcher.tell(hypotheses_near(view, track.searcher, predicted), predicted)
+                hypotheses = hypotheses_near(view, track.searcher, predicted)
+                track.searcher.tell(hypotheses, predicted, track.segmenter.by_shape)
             estimate = track.method.follow(view, predicted, self.rng)
             workings = track.method.workings
         with self._timed("judge"):
@@ -230,10 +231,9 @@ class Tracker:
         self.seen = Seen(frame.index, evidence, estimate, workings) if workings else None
         if status is Status.LOST:
             return FrameResult.unknown(frame.index, frame.time_s, side=track.side)
-        factor = doubtful(evidence.decided, judge)
         return result_of(
             frame,
-            replace(estimate, theta_std=factor * estimate.theta_std),
+            replace(estimate, theta_std=np.sqrt(view.doubt) * estimate.theta_std),
             status,
             confidence(agreement, judge),
             track.side,
@@ -246,7 +246,8 @@ class Tracker:
         window = window_for(predicted.pose, track.shape, camera)
         seed = drawn(track.searcher.hand, predicted, camera.through(window))
         evidence = see(image, window, camera, track.segmenter, seed)
-        return evidence, View.of(evidence)
+        doubt = doubtful(evidence.decided, self.settings.judge)
+        return evidence, View.of(evidence, doubt=doubt)
 
     def _tracked_camera(self, track: Track) -> Camera:
         return self.camera.mirrored() if track.side == "left" else self.camera

@@ -42,9 +42,7 @@ def tracked(right) -> tuple[list[FrameResult], Tracker]:
     return track(*right)
 
 
-def test_a_doubtful_outline_widens_what_is_stated_and_nothing_else(
-    right, tracked, monkeypatch
-) -> None:
+def test_a_doubtful_outline_counts_for_less(right, tracked, monkeypatch) -> None:
     see = tracker_module.see
 
     def doubted(*arguments):
@@ -52,8 +50,9 @@ def test_a_doubtful_outline_widens_what_is_stated_and_nothing_else(
 
     monkeypatch.setattr(tracker_module, "see", doubted)
     for sure, unsure in zip(tracked[0][:4], track(right[0][:4], right[1])[0], strict=True):
-        np.testing.assert_array_equal(sure.theta, unsure.theta)
-        assert (unsure.theta_std > 2 * sure.theta_std).all()
+        assert (unsure.theta_std > sure.theta_std).mean() > 0.9
+        assert unsure.theta_std.mean() > 1.5 * sure.theta_std.mean()
+        assert np.degrees(np.abs(unsure.theta - sure.theta)).mean() < 5
 
 
 def test_it_starts_by_itself_and_follows(tracked) -> None:

@@ -10,7 +10,8 @@ Two cues meet in one ratio of densities over colour ``x`` at pixel ``p``::
 (``w = 0`` where it saw nothing, or the camera moves); ``shadow`` is that colour dimmed along its
 own ray towards black. Skin-like wood is then background where it is known to stand, and a
 shadow on the wall stays wall. Where colours alone take too much of one for the other, the log odds
-of the :mod:`~handtrack.evidence.shape_cue` are added to theirs.
+of the :mod:`~handtrack.evidence.shape_cue` are added to theirs, which then count for what they are
+worth by the shape cue: before a face the colours of a hand are sure of much that is wrong.
 
 A :class:`Segmenter` belongs to one clip and learns: :meth:`Segmenter.learn` the colours, from
 masks of which the tracker is sure, and :meth:`Segmenter.watch` the background. Both are slow.
@@ -29,6 +30,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
 from handtrack.camera import Window
 from handtrack.evidence import shape_cue
@@ -78,6 +80,8 @@ class Segmenter:
         What was seen before the hand came; a fresh one if None.
     by_shape : bool
         Colours cannot tell hand and background apart: the shape cue helps them.
+    worth : float
+        Share of the log odds by colours that counts beside the shape cue.
     """
 
     def __init__(
@@ -86,8 +90,9 @@ class Segmenter:
         background: Background | None = None,
         settings: SegmenterSettings | None = None,
         by_shape: bool = False,
+        worth: float = 1.0,
     ) -> None:
-        self.colours, self.by_shape = colours, by_shape
+        self.colours, self.by_shape, self.worth = colours, by_shape, worth
         self.background = Background() if background is None else background
         self.settings = SegmenterSettings() if settings is None else settings
         self._watched = 0
@@ -125,8 +130,11 @@ class Segmenter:
         relabelled = (helped > 0) & near
         if relabelled.sum() > 0.5 * inside.sum():
             inside, colours = relabelled, _learn_colours(small, relabelled, colours.shadows)
-        by_shape = _need_help(colours.log_odds(soft), shape, inside)
-        segmenter = cls(colours, background, by_shape=by_shape)
+        odds = colours.log_odds(soft)
+        by_shape = _need_help(odds, shape, inside)
+        close = _near(inside)
+        worth = worth_of(odds[close], shape[close]) if by_shape else 1.0
+        segmenter = cls(colours, background, by_shape=by_shape, worth=worth)
         segmenter.background.forget(mask)
         segmenter.background.assume(frame_rgb, mask)
         return segmenter
@@ -160,7 +168,9 @@ class Segmenter:
         local = self.background.through(window) if window is not None and known else None
         shadow = SHADOW_SHARE if self.colours.shadows else 0.0
         odds = log_odds_image(rgb, ycc, self.colours.table, local, shadow, gain)
-        return np.clip(odds + _by_shape(rgb), -MOST, MOST) if self.by_shape else odds
+        if not self.by_shape:
+            return odds
+        return np.clip(self.worth * odds + _by_shape(rgb), -MOST, MOST)
 
     def learn(self, rgb: Pixels, inside: Mask, outside: Mask) -> None:
         """Follow the colours of a crop, slowly.
@@ -197,7 +207,9 @@ class Segmenter:
 
     def mirrored(self) -> "Segmenter":
         """The segmenter of the clip flipped left to right."""
-        return Segmenter(self.colours, self.background.mirrored(), self.settings, self.by_shape)
+        return Segmenter(
+            self.colours, self.background.mirrored(), self.settings, self.by_shape, self.worth
+        )
 
     def _covered(self, frame_rgb: Pixels, hand: Mask, window: Window) -> Mask:
         """The hand and what is joined to it by colour, at a small size ``(h, w)``."""
@@ -248,13 +260,36 @@ def _need_help(odds: Float, shape: Float, inside: Mask) -> bool:
     """
     mask, kernel = inside.astype(np.uint8), np.ones((5, 5), np.uint8)
     deep = cv2.erode(mask, kernel, borderValue=1) > 0
-    near = cv2.dilate(mask, np.ones((41, 41), np.uint8)) > 0
+    near = _near(inside)
     around = near & (cv2.dilate(mask, kernel) == 0)
     hand = odds > 0
     seen, denied = near & (shape > SURE_SHAPE), shape < -SURE_SHAPE
     mistaken = max(_share(~hand, deep), _share(hand, around))
     contested = min(_share(~hand, seen), _share(denied, near & hand))
     return max(mistaken, contested) > MOST_MISTAKEN
+
+
+def worth_of(odds: Float, shape: Float) -> float:
+    """What log odds ``(n,)`` by colours are worth where ``shape`` ``(n,)`` are those by shape.
+
+    The slope, 0 to 1, of the logistic regression of the one's probability on the other: colours
+    that are sure of what the shape cue denies have a small one.
+
+    >>> by_shape = np.linspace(-4, 4, 50)
+    >>> round(worth_of(by_shape, by_shape), 2), round(worth_of(4 * by_shape, by_shape), 2)
+    (1.0, 0.25)
+    """
+    probability = 1 / (1 + np.exp(-shape))
+
+    def cross_entropy(slope: float) -> float:
+        return float(np.mean(np.logaddexp(0.0, slope * odds) - probability * slope * odds))
+
+    return float(minimize_scalar(cross_entropy, bounds=(0.0, 1.0), method="bounded").x)
+
+
+def _near(inside: Mask) -> Mask:
+    """A silhouette and what is within twenty pixels of it."""
+    return np.asarray(cv2.dilate(inside.astype(np.uint8), np.ones((41, 41), np.uint8)) > 0)
 
 
 def _share(what: Mask, where: Mask) -> float:

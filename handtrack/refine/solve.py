@@ -25,7 +25,8 @@ class RefineSettings:
     """Weights of the energy; pixels are those of the window, where a palm is about 72 px long."""
 
     sigma_px: float = 3.0
-    """Standard deviation of one residual, neighbours' correlation included."""
+    """Standard deviation of one residual, neighbours' correlation included; of a doubtful view
+    that times its doubt."""
     robust_px: float = 6.0
     """Scale of the robust function."""
     silhouette_weight: float = 0.5
@@ -41,11 +42,11 @@ class RefineSettings:
     wrist_line_mm: float = 6.0
     """The evidence stops this far above the wrist."""
 
-    def weights(self) -> Array:
+    def weights(self, doubt: float) -> Array:
         """The numbers the kernels take: sigma, c^2, silhouette, internal, reach."""
         return np.array(
             [
-                self.sigma_px,
+                self.sigma_px * doubt,
                 self.robust_px**2,
                 self.silhouette_weight,
                 self.internal_weight,
@@ -86,7 +87,7 @@ class Refiner:
             hand.node_digit,
         )
         self.parts = (hand.capsule_node, hand.capsule_digit, hand.capsule_bone)
-        self.limits, self.weights = np.array(LIMITS), settings.weights()
+        self.limits = np.array(LIMITS)
 
     def weigh(self, view: View, pose: Pose, theta: Array, prior: Prior) -> tuple[float, float]:
         """Image energy and whole energy of a hand as it is."""
@@ -94,7 +95,7 @@ class Refiner:
             np.array(pose.R), np.array(pose.t_mm), np.array(theta, float),
             self.sizes, self.parts, self.contour(view, pose), self.inner(view, pose),
             view.maps, view.intrinsics,
-            self.weights, prior.arrays, self.limits,
+            self.settings.weights(view.doubt), prior.arrays, self.limits,
             np.radians(self.settings.limit_std_deg), np.empty((0, 0)), np.empty(0),
         )  # fmt: skip
         return float(image), float(whole)
@@ -128,7 +129,7 @@ class Refiner:
             np.array(pose.R), np.array(pose.t_mm), np.array(theta, float),
             self.sizes, self.parts, self.contour(view, pose), self.inner(view, pose),
             view.maps, view.intrinsics,
-            self.weights, prior.arrays, self.limits,
+            self.settings.weights(view.doubt), prior.arrays, self.limits,
             np.radians(self.settings.limit_std_deg), mask, steps,
         )  # fmt: skip
         return Refined(Pose(R, t), angles, energy, image, H, iterations)

@@ -107,7 +107,7 @@ def sweep(
         here, energies[digit] = digit_energies(
             digit, candidates, best, np.array(pose.R), np.array(pose.t_mm),
             refiner.sizes, refiner.parts, contour, inner, view.maps, view.intrinsics,
-            refiner.weights, prior.arrays, refiner.limits,
+            refiner.settings.weights(view.doubt), prior.arrays, refiner.limits,
             np.radians(refiner.settings.limit_std_deg),
         )  # fmt: skip
         k = int(np.argmin(energies[digit]))

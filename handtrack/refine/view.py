@@ -41,6 +41,8 @@ class View:
         ``x0, y0, x1, y1`` of the window's pixels that lie inside the frame.
     grey : (h, w)
         Brightness.
+    doubt : float
+        Factor, 1 or more, on the deviations of what is seen: an outline that is half a guess.
     """
 
     contour: NDArray[np.float64]
@@ -53,9 +55,10 @@ class View:
     intrinsics: Array
     valid: Array
     grey: NDArray[np.uint8]
+    doubt: float = 1.0
 
     @classmethod
-    def of(cls, evidence: Evidence, points: int = 170) -> "View":
+    def of(cls, evidence: Evidence, points: int = 170, doubt: float = 1.0) -> "View":
         """The view of an :class:`Evidence`, its contour thinned to about ``points``."""
         step = max(1, round(len(evidence.contour) / points))
         camera = evidence.camera
@@ -77,6 +80,7 @@ class View:
             intrinsics=np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px]),
             valid=np.array([0, 0, 0, 0] if empty else [x[0], y[0], x[-1] + 1, y[-1] + 1], float),
             grey=grey,
+            doubt=doubt,
         )
 
     def wrist_line(self, pose: Pose, wrist_y_mm: float) -> tuple[Array, Array]:

@@ -7,7 +7,7 @@ from handtrack.camera import Camera
 from handtrack.evidence import shape_cue
 from handtrack.evidence.candidates import find_candidates, skin_log_odds
 from handtrack.evidence.evidence import see, window_around
-from handtrack.evidence.silhouette import Segmenter
+from handtrack.evidence.silhouette import Segmenter, worth_of
 
 
 def overlap(a, b):
@@ -70,7 +70,18 @@ def test_colours_that_cannot_tell_are_helped_and_others_are_not(drawing):
         drawn = drawing.draw(place, (150, 104, 74), drawing.spread())
         segmenter = Segmenter.from_mask(drawn.image, drawn.mask)
         assert segmenter.by_shape == alike
-        assert segmenter.mirrored().by_shape == alike
+        mirrored = segmenter.mirrored()
+        assert (mirrored.by_shape, mirrored.worth) == (alike, segmenter.worth)
+
+
+def test_colours_are_worth_what_they_are_right_about():
+    shape = np.tile([20.0, -20.0], 500)
+    for wrong in (0.1, 0.3):  # of the pixels, and colours are as sure of these as of the others
+        odds = 4.0 * np.sign(shape)
+        odds[: int(wrong * 1000)] *= -1
+        assert worth_of(odds, shape) == pytest.approx(np.log((1 - wrong) / wrong) / 4, abs=1e-4)
+    assert worth_of(shape, shape) > 0.99
+    assert worth_of(-shape, shape) < 0.01
 
 
 def test_the_outline_of_a_hand_before_its_own_colour_is_nearer_with_the_cue(drawing):

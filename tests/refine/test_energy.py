@@ -19,7 +19,7 @@ def terms(method: RefinedMethod, view: View, pose: Pose, theta: np.ndarray, prio
     r = method.refiner
     fixed = (
         r.sizes, r.parts, r.contour(view, pose), r.inner(view, pose), view.maps,
-        view.intrinsics, r.weights, prior.arrays, r.limits, np.radians(3.0),
+        view.intrinsics, r.settings.weights(view.doubt), prior.arrays, r.limits, np.radians(3.0),
     )  # fmt: skip
 
     def energy(x: np.ndarray) -> float:
@@ -127,3 +127,13 @@ def test_a_fixed_part_stays(method: RefinedMethod, view: View, truth) -> None:
     np.testing.assert_array_equal(palm.theta, bent)
     fingers = method.refiner(view, pose, bent, prior, 5, free="fingers")
     np.testing.assert_allclose(fingers.pose.R, pose.R, atol=1e-12)
+
+
+def test_a_doubtful_view_counts_for_less(method: RefinedMethod, view: View, truth) -> None:
+    pose, theta = truth
+    off = theta + 0.1
+    prior = method.prior(Estimate(pose, theta, np.full(20, 0.1)), loose=4.0)
+    image, whole = method.refiner.weigh(view, pose, off, prior)
+    doubted = method.refiner.weigh(replace(view, doubt=2.0), pose, off, prior)
+    assert doubted[0] == pytest.approx(image / 4)
+    assert doubted[1] - doubted[0] == pytest.approx(whole - image)

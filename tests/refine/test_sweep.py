@@ -81,7 +81,7 @@ def test_only_hopeless_candidates_are_given_up(method: RefinedMethod, view: View
         return digit_energies(
             2, some, wrong, np.array(pose.R), np.array(pose.t_mm), refiner.sizes, refiner.parts,
             refiner.contour(view, pose), refiner.inner(view, pose), view.maps, view.intrinsics,
-            refiner.weights, prior.arrays, refiner.limits, np.radians(3.0),
+            refiner.settings.weights(view.doubt), prior.arrays, refiner.limits, np.radians(3.0),
         )[1]  # fmt: skip
 
     together = energies(candidates)
