@@ -147,12 +147,16 @@ class RefinedMethod:
     def tell(self, hypotheses: Hypotheses, predicted: Estimate, by_shape: bool) -> None:
         """How fingers bend by the proposer, for a palm as predicted; believed until told anew.
 
-        Where it sees no such palm it says nothing of them. It counts for more where the outline is
-        known ``by_shape``, so not well.
+        Where it sees no such palm it says nothing of them. Where the outline is known ``by_shape``,
+        so not well, that counts for more, and it also says where the palm faces.
         """
+        self.told = self.facing.told = None
+        if (near := hypotheses.near(predicted.pose.R)) is None:
+            return
+        theta, spread, normal = near
         share = self.settings.told_by_shape if by_shape else self.settings.told
-        told = hypotheses.angles(predicted.pose.R)
-        self.told = None if told is None else (told[0], share / told[1] ** 2)
+        self.told = theta, share / spread**2
+        self.facing.told = normal if by_shape else None
 
     def follow(self, view: View, predicted: Estimate, rng: np.random.Generator) -> Estimate:
         """The hand in this frame, from where it was expected."""

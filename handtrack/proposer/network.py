@@ -104,15 +104,19 @@ class Hypotheses:
         at = np.column_stack([(x - cx) / fx * z, (y - cy) / fy * z, z])
         return theta, R, at - PLACED * palm_length_mm * R[:, :, 1]
 
-    def angles(self, R: Array, std: float = np.radians(20.0)) -> tuple[Array, Array] | None:
-        """Mean and spread ``(20,)`` of the angles, for a palm near ``R``; None if none is there."""
+    def near(self, R: Array, std: float = np.radians(20.0)) -> tuple[Array, Array, Array] | None:
+        """What they say together of a hand whose palm is near ``R``; None if none is there.
+
+        Mean and spread ``(20,)`` of the angles, and the mean direction ``(3,)`` the palm faces.
+        """
         turn2 = rotation.angle_between(self.R, R) ** 2
         w = self.weight * np.exp(-0.5 * turn2 / (self.turn_std**2 + std**2))
         if w.sum() < FEWEST:
             return None
         w /= w.sum()
-        mean = w @ self.theta
-        return mean, np.sqrt(w @ (self.theta_std**2 + (self.theta - mean) ** 2) + 1e-6)
+        mean, normal = w @ self.theta, w @ self.R[:, :, 2]
+        spread = np.sqrt(w @ (self.theta_std**2 + (self.theta - mean) ** 2) + 1e-6)
+        return mean, spread, normal / np.linalg.norm(normal)
 
     def log_density(self, theta: Array, R: Array) -> float:
         """Log density of angles ``(20,)`` and a rotation ``(3, 3)``, up to a constant."""

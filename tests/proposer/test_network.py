@@ -128,8 +128,9 @@ def test_a_mixture_knows_its_sides_and_its_density():
 def test_a_palm_that_no_hypothesis_is_near_is_told_nothing():
     """And not, of weights that vanish, a flat hand for sure."""
     bent = replace(mixture((1.0, PALM)), theta=np.full((1, 20), 0.8))
-    assert bent.angles(BACK) is None
-    mean, std = bent.angles(PALM)
+    assert bent.near(BACK) is None
+    mean, std, normal = bent.near(PALM)
+    np.testing.assert_allclose(normal, PALM[:, 2], atol=1e-9)
     np.testing.assert_allclose(mean, 0.8)
     np.testing.assert_allclose(std, 0.2, rtol=1e-4)
 

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from handtrack.estimate import Estimate
+from handtrack.proposer.network import Hypotheses
 from handtrack.refine.facing import Facing
 from handtrack.refined import RefinedMethod
 
@@ -39,9 +41,44 @@ def test_the_mean_follows_a_turn_slowly() -> None:
     assert abs(np.linalg.norm(facing.normal) - 1) < 1e-12
 
 
-def test_a_hand_that_may_be_anywhere_is_not_pulled(method: RefinedMethod, truth) -> None:
-    from handtrack.estimate import Estimate
+def test_what_is_told_stands_for_the_mean_until_the_hand_is_found_anew() -> None:
+    facing = Facing(frames=10)
+    facing.begin(FRONT, known=False)
+    facing.told = np.array([0.6, 0.0, -0.8])
+    assert facing.weight == 1
+    np.testing.assert_array_equal(facing.normal, [0.6, 0.0, -0.8])
+    facing.watch(FRONT)
+    facing.told = None
+    assert facing.weight == 0.1
+    np.testing.assert_array_equal(facing.normal, FRONT)
+    facing.told = np.array([0.6, 0.0, -0.8])
+    facing.begin(FRONT)
+    assert facing.told is None
 
+
+def test_the_palm_is_told_of_where_the_outline_is_known_by_shape_alone(
+    method: RefinedMethod, truth
+) -> None:
+    pose, theta = truth
+    seen = Hypotheses(
+        weight=np.ones(1), theta=theta[None], theta_std=np.full((1, 20), 0.1), R=pose.R[None],
+        turn_std=np.full(1, 0.1), at_px=np.zeros((1, 2)), at_std_px=np.ones(1),
+        palm_px=np.full(1, 70.0), size_std=np.full(1, 0.1),
+    )  # fmt: skip
+    predicted = Estimate(pose, theta, np.full(20, 0.1))
+    method.restart(predicted)
+    method.tell(seen, predicted, by_shape=False)
+    assert method.facing.told is None
+    by_colour = method.prior(predicted).told_weight
+    method.tell(seen, predicted, by_shape=True)
+    np.testing.assert_allclose(method.facing.told, pose.R[:, 2])
+    np.testing.assert_array_less(by_colour, method.prior(predicted).told_weight)
+    method.restart(predicted)
+    assert method.facing.told is None
+    assert not method.prior(predicted).told_weight.any()
+
+
+def test_a_hand_that_may_be_anywhere_is_not_pulled(method: RefinedMethod, truth) -> None:
     estimate = Estimate(*truth, np.full(20, 0.1))
     method.restart(estimate, sure=True)
     near, loose = method.prior(estimate), method.prior(estimate, loose=4.0)
