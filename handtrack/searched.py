@@ -182,8 +182,10 @@ class SearchedStart:
 
     def _is_good(self, start: Start) -> bool:
         s = self.settings
-        seen = start.seen >= s.seen and start.overlap >= s.min_overlap_seen
-        return seen or start.overlap >= s.min_overlap
+        if start.seen >= s.seen:
+            return start.overlap >= s.min_overlap_seen
+        # an outline by the shape cue, which is not sure of the hand inside it, says nothing
+        return start.overlap >= s.min_overlap and not start.segmenter.by_shape
 
     def _lead(self, starts: dict[str, Start]) -> float:
         """What this frame says for the right hand, against the left."""

@@ -80,7 +80,8 @@ class StartSettings:
     min_overlap_seen: float = 0.84
     """and from which it is where the shape cue sees it:"""
     seen: float = 0.7
-    """mean probability of hand, by that cue, inside the hand as fitted."""
+    """mean probability of hand, by that cue, inside the hand as fitted; where the outline is the
+    cue's own, nothing is believed without it."""
     min_seen: float = 0.5
     """Without so much of it nothing is believed."""
     max_solidity: float = 0.9

@@ -8,6 +8,7 @@ import pytest
 from handtrack.camera import Camera
 from handtrack.estimate import Estimate
 from handtrack.evidence.candidates import Candidate
+from handtrack.evidence.silhouette import Segmenter
 from handtrack.hand.shape import HandShape
 from handtrack.hand.space import default as default_space
 from handtrack.judge import share_seen
@@ -25,10 +26,10 @@ SETTINGS = StartSettings()
 class MadeUp(SearchedStart):
     """Looks that find ``(overlap, energy)`` of each side, the same in every frame."""
 
-    def __init__(self, right=None, left=None, side="auto", seen=0.6) -> None:
+    def __init__(self, right=None, left=None, side="auto", seen=0.6, by_shape=False) -> None:
         super().__init__(lambda shape: None, HandShape.default(), side, "palm", SETTINGS)
         self.made_up = {"right": right, "left": left}
-        self.seen, self.looks = seen, 0
+        self.seen, self.by_shape, self.looks = seen, by_shape, 0
 
     def _found(self, image, camera, rng, candidates, side):
         if (found := self.made_up[side]) is None:
@@ -37,7 +38,8 @@ class MadeUp(SearchedStart):
         overlap, energy = found
         estimate = Estimate(Pose(np.eye(3), np.zeros(3)), np.zeros(20), np.ones(20))
         estimate = replace(estimate, energy=energy)
-        return {0: Start(self.shape, estimate, side, None, overlap, 0.0, self.seen)}
+        segmenter = Segmenter(None, by_shape=self.by_shape)
+        return {0: Start(self.shape, estimate, side, segmenter, overlap, 0.0, self.seen)}
 
 
 def first(search: SearchedStart, frames: int = 40) -> tuple[int, str] | None:
@@ -140,6 +142,13 @@ def test_a_hand_that_the_shape_cue_sees_may_overlap_less():
     assert first(MadeUp(right=fair, seen=SETTINGS.seen)) == (0, "right")
     poor = (SETTINGS.min_overlap_seen - 0.01, 10.0)
     assert first(MadeUp(right=poor, seen=1.0)) is None
+
+
+def test_an_outline_by_the_shape_cue_begins_nothing_that_the_cue_is_not_sure_of():
+    good = (0.95, 10.0)
+    assert first(MadeUp(right=good, seen=SETTINGS.seen - 0.01)) == (0, "right")
+    assert first(MadeUp(right=good, seen=SETTINGS.seen - 0.01, by_shape=True)) is None
+    assert first(MadeUp(right=good, seen=SETTINGS.seen, by_shape=True)) == (0, "right")
 
 
 def test_share_seen_is_the_mean_probability_inside():
