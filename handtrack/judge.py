@@ -74,7 +74,8 @@ class JudgeSettings:
     decided: float = 0.94
     """Decidedness of the evidence from which an outline is as sure as outlines are."""
     undecided: float = 14.0
-    """Growth of its doubt with what is missing; both fitted on the benchmark, seeds 3 to 5."""
+    """Growth of its doubt with what is missing; both fitted, by what is stated, on the benchmark,
+    seeds 3 to 5."""
 
 
 def overlap(hand: CapsuleHand, estimate: Estimate, view: View, wrist_line_mm: float) -> float:

@@ -231,6 +231,7 @@ class Tracker:
         self.seen = Seen(frame.index, evidence, estimate, workings) if workings else None
         if status is Status.LOST:
             return FrameResult.unknown(frame.index, frame.time_s, side=track.side)
+        # some of the doubt is in the curvature by now; with the root of it 90 % intervals hold
         return result_of(
             frame,
             replace(estimate, theta_std=np.sqrt(view.doubt) * estimate.theta_std),

@@ -132,8 +132,10 @@ class Segmenter:
             inside, colours = relabelled, _learn_colours(small, relabelled, colours.shadows)
         odds = colours.log_odds(soft)
         by_shape = _need_help(odds, shape, inside)
-        close = _near(inside)
-        worth = worth_of(odds[close], shape[close]) if by_shape else 1.0
+        worth = 1.0
+        if by_shape:
+            close = _near(inside)
+            worth = worth_of(odds[close], shape[close])
         segmenter = cls(colours, background, by_shape=by_shape, worth=worth)
         segmenter.background.forget(mask)
         segmenter.background.assume(frame_rgb, mask)
