@@ -244,6 +244,7 @@ class Tracker:
 
     def _see(self, image: Image, track: Track, predicted: Estimate) -> tuple[Evidence, View]:
         camera = self._tracked_camera(track)
+        track.segmenter.relight(image)
         window = window_for(predicted.pose, track.shape, camera)
         seed = drawn(track.searcher.hand, predicted, camera.through(window))
         evidence = see(image, window, camera, track.segmenter, seed)

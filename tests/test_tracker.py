@@ -66,6 +66,19 @@ def test_it_starts_by_itself_and_follows(tracked) -> None:
         np.testing.assert_allclose(result.R @ result.R.T, np.eye(3), atol=1e-9)
 
 
+def test_it_follows_through_a_change_of_white_balance(right, tracked) -> None:
+    images, scene = right
+    light = np.array([1.35, 1.0, 0.65])
+    shares = np.clip(np.arange(len(images)) / 10, 0, 1)
+    turned = [
+        np.clip(image * light**share, 0, 255).astype(np.uint8)
+        for image, share in zip(images, shares, strict=True)
+    ]
+    for result, as_it_was in zip(track(turned, scene)[0], tracked[0], strict=True):
+        assert result.status is Status.TRACKED
+        assert np.degrees(np.abs(result.theta - as_it_was.theta)).mean() < 6
+
+
 def test_the_same_seed_gives_the_same_numbers(right, tracked) -> None:
     again, _ = track(right[0][:8], right[1])
     for a, b in zip(again, tracked[0], strict=False):

@@ -3,8 +3,9 @@
 Two ways to know what a pixel looks like without the hand:
 
 - :class:`Background`: mean and variance over the frames in which the hand was elsewhere, at most
-  640 px on the long side. A change of exposure is followed by one gain; when most of the picture
-  changes the camera has moved, and everything is forgotten.
+  640 px on the long side. A change of the light (exposure, white balance) is followed by a gain for
+  each channel (von Kries); when most of the picture changes otherwise the camera has moved, and
+  everything is forgotten.
 - :func:`smooth_backdrop`: from a single frame, a quadratic in x and y fitted robustly to the
   picture's border. It is as good as a photograph of the backdrop where that is plain, whatever
   colour the hand has, and its residual says when it is not.
@@ -35,6 +36,13 @@ MEMORY_FRAMES = 60.0
 PLAIN_SIGMA = 6.0
 #: Share of the known picture that must change at once for the camera to have moved.
 MOVED_SHARE = 0.4
+#: A change of the light is the same nearly everywhere: this share of the known picture is within
+#: so much of the median change.
+SAME_LIGHT, LIGHT_SCATTER = 0.6, 0.12
+#: Gains that one frame can bring, and the smallest that is followed.
+MOST_LIGHT, LEAST_LIGHT = 1.4, 0.01
+#: Levels between which a channel tells a gain: neither noise nor clipped.
+TELLING = (24, 240)
 
 
 def shrink(rgb: Pixels, long_side_px: int) -> Pixels:
@@ -61,12 +69,15 @@ class Background:
         Of one channel, noise and flicker together.
     age : (h, w) float32
         Frames seen, at most ``MEMORY_FRAMES``; below ``KNOWN_FRAMES`` the pixel is not known.
+    light : (3,) float32
+        How much brighter red, green and blue have become since the first frame.
     """
 
     def __init__(self) -> None:
         self.mean: Float = np.zeros((0, 0, 3), np.float32)
         self.variance: Float = np.zeros((0, 0), np.float32)
         self.age: Float = np.zeros((0, 0), np.float32)
+        self.light: Float = np.ones(3, np.float32)
         self.frame_width_px = 0
         self._seen: Float | None = None  # mean and deviation, as through() wants them
 
@@ -86,11 +97,23 @@ class Background:
         self._fit_to(small, frame_rgb.shape[1])
         h, w = small.shape[:2]
         covered = np.zeros((h, w), np.uint8) if hand is None else self._resized(hand)
-        self._follow_exposure(small, covered)
+        self.relight(frame_rgb)
         if self._camera_moved(small, covered):
             self.age[:] = 0
         self._seen = None
         update_kernel(small, covered, self.mean, self.variance, self.age, MEMORY_FRAMES)
+
+    def relight(self, frame_rgb: Pixels) -> None:
+        """Follow a change of exposure or white balance, told by what is known of the background.
+
+        The hand need not be masked: the median over everything is taken twice, the second time of
+        what is near the first. Nothing is done where the picture does not change as one.
+        """
+        gain = self._gain_to(frame_rgb)
+        if gain is not None and np.abs(gain - 1).max() > LEAST_LIGHT:
+            self.mean *= gain
+            self.light = self.light * gain
+            self._seen = None
 
     def forget(self, hand: Mask) -> None:
         """The ``hand`` ``(H, W)`` was standing here: what was learned there is not background."""
@@ -158,6 +181,7 @@ class Background:
         other.mean = self.mean[:, ::-1].copy()
         other.variance = self.variance[:, ::-1].copy()
         other.age = self.age[:, ::-1].copy()
+        other.light = self.light.copy()
         other.frame_width_px = self.frame_width_px
         return other
 
@@ -175,15 +199,27 @@ class Background:
         grown = cv2.dilate(small, np.ones((9, 9), np.uint8))
         return np.asarray(grown, np.uint8)
 
-    def _follow_exposure(self, small: Pixels, covered: NDArray[np.uint8]) -> None:
-        use = (self.age[::8, ::8] >= KNOWN_FRAMES) & (covered[::8, ::8] == 0)
-        if use.sum() < 50:
-            return
-        now = small[::8, ::8][use].sum(axis=-1).astype(np.float32)
-        before = self.mean[::8, ::8][use].sum(axis=-1)
-        gain = float(np.median((now + 8) / (before + 8)))
-        if 0.7 < gain < 1.4:
-            self.mean *= np.float32(gain)
+    def _gain_to(self, frame_rgb: Pixels) -> Float | None:
+        """Gain ``(3,)`` from the mean to a frame, None where it cannot be told."""
+        h, w = self.age.shape
+        if frame_rgb.shape[1] != self.frame_width_px:
+            return None
+        i, j = np.mgrid[8:h:16, 8:w:16]
+        seen = self.age[i, j] > 0
+        i, j = i[seen], j[seen]
+        H, W = frame_rgb.shape[:2]
+        now = frame_rgb[(2 * i + 1) * H // (2 * h), (2 * j + 1) * W // (2 * w)].astype(np.float32)
+        before = self.mean[i, j]
+        low, high = TELLING
+        tells = ((now > low) & (now < high) & (before > low) & (before < high)).all(axis=1)
+        if tells.sum() < 50:
+            return None
+        ratio = now[tells] / before[tells]
+        near = (np.abs(ratio / np.median(ratio, axis=0) - 1) < LIGHT_SCATTER).all(axis=1)
+        if near.mean() < SAME_LIGHT:
+            return None
+        gain = np.asarray(np.median(ratio[near], axis=0), np.float32)
+        return gain if np.all((gain < MOST_LIGHT) & (gain * MOST_LIGHT > 1)) else None
 
     def _camera_moved(self, small: Pixels, covered: NDArray[np.uint8]) -> bool:
         known, changed = changed_kernel(small, covered, self.mean, self.variance, self.age)

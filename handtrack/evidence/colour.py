@@ -51,14 +51,16 @@ class ColourModel:
         Densities per bin of hand and background.
     shadows : bool
         The dimmed background counts as background.
-    gain : float
-        A dim clip is brightened by this much first, so that it fills the bins.
+    gain : (3,) float32
+        Red, green and blue are multiplied by this first: a dim clip is brightened, so that it fills
+        the bins, and a change of the light since then is taken back (:meth:`relight`).
     """
 
     def __init__(
         self, hand: Float, background: Float, shadows: bool = True, gain: float = 1.0
     ) -> None:
-        self.gain = gain
+        self.gain: Float = np.full(3, gain, np.float32)
+        self._first_gain = gain
         self.shadows = shadows
         self._anchor = np.stack([hand, background], axis=-1)
         self._running = self._anchor.copy()
@@ -84,6 +86,10 @@ class ColourModel:
         b = histogram(brightened(background, gain), background_weight, shades)
         return cls(f, b, shadows, gain)
 
+    def relight(self, light: Float) -> None:
+        """The light on everything is now ``light`` ``(3,)`` times that of the first samples."""
+        self.gain = np.asarray(self._first_gain / light, np.float32)
+
     def learn(self, hand: Pixels, background: Pixels, rate: float) -> None:
         """Move the running histograms by ``rate`` (0 to 1) towards RGB samples ``(n, 3)``.
 
@@ -108,12 +114,18 @@ class ColourModel:
         self.table = _with_floor(ANCHOR * self._anchor + (1 - ANCHOR) * self._running)
 
 
-def brightened(rgb: Pixels, gain: float) -> Pixels:
-    """RGB ``(..., 3)`` times ``gain``."""
-    if gain == 1.0 or rgb.size == 0:
+def brightened(rgb: Pixels, gain: Float | float) -> Pixels:
+    """RGB ``(..., 3)`` times ``gain``, one number or ``(3,)``.
+
+    >>> brightened(np.full((1, 3), 100, np.uint8), np.array([1, 1.5, 3], np.float32)).tolist()
+    [[100, 150, 255]]
+    """
+    if rgb.size == 0 or np.all(np.asarray(gain) == 1.0):
         return rgb
-    flat = np.ascontiguousarray(rgb).reshape(-1, 3)
-    return np.asarray(cv2.convertScaleAbs(flat, alpha=gain), np.uint8).reshape(rgb.shape)
+    table = np.arange(256)[:, None] * np.broadcast_to(gain, 3)
+    table = np.clip(np.rint(table), 0, 255).astype(np.uint8)[None]
+    flat = np.ascontiguousarray(rgb).reshape(-1, 1, 3)
+    return np.asarray(cv2.LUT(flat, table), np.uint8).reshape(rgb.shape)
 
 
 def largest_channel(picture: NDArray[Any]) -> NDArray[Any]:

@@ -95,6 +95,7 @@ class Segmenter:
         self.colours, self.by_shape, self.worth = colours, by_shape, worth
         self.background = Background() if background is None else background
         self.settings = SegmenterSettings() if settings is None else settings
+        self._first_light = self.background.light
         self._watched = 0
         self._learned = 0
 
@@ -169,10 +170,16 @@ class Segmenter:
         known = window is not None and self.background.known.any()
         local = self.background.through(window) if window is not None and known else None
         shadow = SHADOW_SHARE if self.colours.shadows else 0.0
-        odds = log_odds_image(rgb, ycc, self.colours.table, local, shadow, gain)
+        brighter = float(np.prod(gain)) ** (1 / 3)
+        odds = log_odds_image(rgb, ycc, self.colours.table, local, shadow, brighter)
         if not self.by_shape:
             return odds
         return np.clip(self.worth * odds + _by_shape(rgb), -MOST, MOST)
+
+    def relight(self, frame_rgb: Pixels) -> None:
+        """Follow a change of exposure or white balance since the colours were learned."""
+        self.background.relight(frame_rgb)
+        self.colours.relight(self.background.light / self._first_light)
 
     def learn(self, rgb: Pixels, inside: Mask, outside: Mask) -> None:
         """Follow the colours of a crop, slowly.

@@ -52,6 +52,33 @@ def test_a_moved_camera_is_noticed_and_new_exposure_is_not_a_move():
     assert not background.known.any()
 
 
+def test_a_change_of_the_light_is_followed_channel_by_channel_and_the_hand_need_not_be_masked():
+    background, light = Background(), np.array([1.2, 1.0, 0.8])
+    background.watch(noisy(scene(), 0))
+    for k, share in enumerate(np.linspace(0, 1, 12)):
+        frame = noisy(scene() * light**share, 1 + k)
+        frame[40:100, 60:120] = (210, 150, 130)
+        background.relight(frame)
+    assert background.light == pytest.approx(light, abs=0.03)
+    assert np.abs(background.mean - scene() * background.light).mean() < 2
+
+
+@pytest.mark.parametrize("move", [(0, 30), (17, 0)])
+def test_a_camera_that_pans_is_no_change_of_the_light(move):
+    background = Background()
+    background.watch(noisy(scene(), 0))
+    background.relight(noisy(np.roll(scene(), move, axis=(0, 1)), 1))
+    np.testing.assert_array_equal(background.light, 1)
+
+
+def test_light_is_not_told_where_channels_are_clipped_or_frames_change_their_size():
+    background, white = Background(), np.full((120, 160, 3), 255, np.uint8)
+    background.watch(white)
+    background.relight((white * 0.9).astype(np.uint8))
+    background.relight(np.zeros((240, 320, 3), np.uint8))
+    np.testing.assert_array_equal(background.light, 1)
+
+
 def test_forgets_and_tells_differences():
     background = Background()
     for k in range(8):

@@ -43,6 +43,16 @@ def test_follows_a_change_of_light():
     assert model.log_odds(warmer).mean() > before + 1
 
 
+def test_a_change_of_the_light_is_taken_back():
+    model = ColourModel.from_samples(samples(SKIN), samples(WALL))
+    light = np.array([0.75, 1.0, 1.35])
+    hand, wall = ((samples(c, seed=4) * light).clip(0, 255).astype(np.uint8) for c in (SKIN, WALL))
+    assert np.mean(model.log_odds(hand) > 0) < 0.5
+    model.relight(light)
+    assert np.mean(model.log_odds(hand) > 0) > 0.97
+    assert np.mean(model.log_odds(wall) < 0) > 0.97
+
+
 def test_wrong_masks_for_minutes_do_not_turn_it_round():
     model = ColourModel.from_samples(samples(SKIN), np.vstack([samples(WALL), samples(SLEEVE)]))
     for k in range(300):  # hand and background swapped, and the sleeve called hand
