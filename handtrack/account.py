@@ -89,6 +89,7 @@ def record_of(
         },
         "counts": report.counts,
         "side": main_side(report.sides),
+        "facing": getattr(tracker, "facing", None),
         "hand": {"calibrated": tracker.shape.calibrated, "source": tracker.shape.source},
         "camera": camera,
         "camera_assumed": camera.assumed,

@@ -22,7 +22,7 @@ from handtrack.hand.shape import HandShape
 from handtrack.layers import Seen, layers_of, seen_by
 from handtrack.output.folder import RunFolder
 from handtrack.picture import drawn
-from handtrack.records import Frame, FrameResult, Status
+from handtrack.records import Frame, FrameResult, Shown, Side, Status
 from handtrack.settings import RunSettings
 from handtrack.source import Source
 from handtrack.stages import stage_picture, write_picture
@@ -31,6 +31,14 @@ from handtrack.stop import StopAsked
 
 #: Pictures for --debug are made of every so many frames.
 EVERY_DEBUG_FRAME = 25
+
+
+class BeginAgain(Exception):  # noqa: N818 - no error
+    """The hand is another than it was taken for: what was answered of this clip is wrong."""
+
+    def __init__(self, side: Side, facing: Shown) -> None:
+        super().__init__(f"begins with the {facing} of a {side} hand")
+        self.side, self.facing = side, facing
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +68,7 @@ class Loop:
         writable = True
         try:
             self._follow(source, asked, steadier)
-        except OutputError:
+        except (OutputError, BeginAgain):
             writable = False
             raise
         finally:
@@ -75,6 +83,8 @@ class Loop:
         with closing(source.frames()) as frames, bar, word_if_slow(bar):
             for frame in timed(frames, timings["wait for frame"]):
                 result, step = self._track(frame)
+                if source.can_begin_again:
+                    check_the_hand(self.tracker)
                 begin = time.perf_counter()
                 for steady, earlier in steadier.push(result, step.shape, step):
                     self._hand_over(steady, earlier, source)
@@ -116,6 +126,19 @@ def result_of(frame: Frame, settings: RunSettings, tracker: TrackerLike) -> Fram
     if frame.index < settings.start_frame:
         return FrameResult.unknown(frame.index, frame.time_s)
     return tracker.step(frame)
+
+
+def check_the_hand(tracker: TrackerLike) -> None:
+    """Nothing, unless the hand turned out to be another than it was taken for.
+
+    Raises
+    ------
+    BeginAgain
+        It did.
+    """
+    found = getattr(tracker, "found_out", None)
+    if found is not None:
+        raise BeginAgain(*found)
 
 
 def is_chosen(settings: RunSettings, frame: Frame) -> bool:

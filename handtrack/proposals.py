@@ -3,8 +3,9 @@
 import numpy as np
 
 from handtrack.estimate import Estimate
+from handtrack.proposer import facing_cue
 from handtrack.proposer.network import PLACED, Hypotheses, propose
-from handtrack.proposer.picture import PALM_PER_DISC, Square
+from handtrack.proposer.picture import PALM_PER_DISC, Square, picture_of
 from handtrack.refine.view import View
 from handtrack.refined import RefinedMethod
 from handtrack.seeds import fingers_from, largest_discs
@@ -36,6 +37,12 @@ def hypotheses_near(view: View, method: RefinedMethod, known: Estimate) -> Hypot
     """What the network makes of the silhouette about a known hand alone."""
     square = square_about(view, method, known)
     return propose(view.grey, view.sdf < 0, square, view.intrinsics)
+
+
+def palm_log_odds(view: View, method: RefinedMethod, known: Estimate) -> float:
+    """Log odds that a known hand shows its palm, whichever hand it is."""
+    square = square_about(view, method, known)
+    return facing_cue.log_odds(picture_of(view.grey, view.sdf < 0, square))
 
 
 def square_about(view: View, method: RefinedMethod, known: Estimate) -> Square:

@@ -6,12 +6,16 @@ Arrays in records are read-only copies. A value that is not known is NaN.
 from dataclasses import dataclass, fields
 from enum import Enum
 from functools import cache
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+#: Which hand it is, and which side of it is shown.
+Side = Literal["right", "left"]
+Shown = Literal["palm", "back"]
 
 
 def freeze_arrays(record: Any, copy: bool = True) -> None:

@@ -5,9 +5,11 @@ counts, the timings and a few frames is kept, so memory does not grow with the l
 The loop itself is :mod:`handtrack.loop`.
 """
 
+import sys
 import time
 from collections.abc import Callable
 from contextlib import closing
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,10 +21,11 @@ from handtrack.errors import InputError
 from handtrack.evidence.video import VideoInfo
 from handtrack.hand.shape import HandShape
 from handtrack.hand.space import default as default_space
-from handtrack.loop import Loop, result_of
+from handtrack.loop import BeginAgain, Loop, check_the_hand, result_of
 from handtrack.output.folder import RunFolder
 from handtrack.output.provenance import main_side, versions
 from handtrack.output.report.curves import TrueMotion
+from handtrack.records import FrameResult
 from handtrack.settings import RunSettings
 from handtrack.source import ClipSource, Source, is_camera, open_source
 from handtrack.steady import Steadier
@@ -30,6 +33,7 @@ from handtrack.stop import stop_signals
 from handtrack.threads import linear_algebra_on_one_thread
 from handtrack.trajectory import Trajectory
 
+BEGUN_AGAIN = "begun again"
 #: Makes the tracker for the settings, the camera and the hand, if one is given.
 MakeTracker = Callable[[RunSettings, Camera, HandShape | None], TrackerLike]
 
@@ -53,6 +57,8 @@ def make_tracker(settings: RunSettings, camera: Camera, shape: HandShape | None)
 def run_clip(settings: RunSettings, make: MakeTracker = make_tracker) -> RunReport:
     """Track a clip and write its folder.
 
+    Where the hand turns out to be another than it was taken for, a clip is begun again.
+
     Raises
     ------
     InputError
@@ -61,15 +67,30 @@ def run_clip(settings: RunSettings, make: MakeTracker = make_tracker) -> RunRepo
         The results cannot be written; what could be is kept.
     """
     settings.check()
+    try:
+        return _opened(settings, settings, make)
+    except BeginAgain as other:
+        if not settings.quiet:
+            print(f"{settings.clip}: {other}, as it turns out; once more", file=sys.stderr)
+        return _opened(settings, _told(settings, other), make)
+
+
+def _told(settings: RunSettings, hand: BeginAgain) -> RunSettings:
+    """The settings with the hand that was found out."""
+    return replace(settings, side=hand.side, facing=hand.facing)
+
+
+def _opened(settings: RunSettings, told: RunSettings, make: MakeTracker) -> RunReport:
     with closing(
         open_source(settings.clip, settings.limits, settings.port, settings.open)
     ) as source:
-        return _run(settings, make, source)
+        return _run(settings, told, make, source)
 
 
-def _run(settings: RunSettings, make: MakeTracker, source: Source) -> RunReport:
+def _run(settings: RunSettings, told: RunSettings, make: MakeTracker, source: Source) -> RunReport:
+    """Follow the hand that is ``told``; the record has the ``settings`` that were given."""
     info = source.info
-    camera, tracker = _prepared(settings, make, info)
+    camera, tracker = _prepared(told, make, info)
     truth = _truth(settings)
     folder = RunFolder(settings.out or source.out)
     report = RunReport(info.path, folder.path, source.counts)
@@ -82,12 +103,16 @@ def _run(settings: RunSettings, make: MakeTracker, source: Source) -> RunReport:
     try:
         with linear_algebra_on_one_thread(), stop_signals() as asked:
             Loop(settings, tracker, camera, folder, report)(source, asked)
+    except BeginAgain:
+        report.state = BEGUN_AGAIN
+        raise
     except BaseException as error:
         stopped = isinstance(error, KeyboardInterrupt)
         report.state = "interrupted" if stopped else f"failed: {type(error).__name__}"
         raise
     finally:
-        if report.counts.decoded or report.state == "complete":
+        some = report.counts.decoded and report.state != BEGUN_AGAIN
+        if some or report.state == "complete":
             elapsed_s = time.perf_counter() - begin
             record = record_of(settings, info, camera, tracker, report, elapsed_s)
             extra = _files_for_the_next_run(tracker, camera)
@@ -118,23 +143,34 @@ def track(clip: str | Path, make: MakeTracker = make_tracker, **settings: Any) -
     chosen.check()
     if is_camera(chosen.clip):
         raise InputError(f"camera {clip}: has no end; Tracker.step follows it frame by frame")
-    source = ClipSource(chosen.clip, chosen.limits)
-    camera, tracker = _prepared(chosen, make, source.info)
-    with closing(source.frames()) as frames, linear_algebra_on_one_thread():
-        steadier: Steadier[None] = Steadier(chosen.steady_s, camera)
-        results = [
-            result
-            for frame in frames
-            for result, _ in steadier.push(result_of(frame, chosen, tracker), tracker.shape, None)
-        ]
-        results += [result for result, _ in steadier.flush()]
+    try:
+        results, camera, tracker, info = _followed(chosen, make)
+    except BeginAgain as other:
+        results, camera, tracker, info = _followed(_told(chosen, other), make)
     provenance = {
-        "clip": source.info.path.name,
+        "clip": info.path.name,
         "hand_calibrated": tracker.shape.calibrated,
         "camera_assumed": camera.assumed,
         "versions": versions(),
     }
     return Trajectory.from_results(results, provenance)
+
+
+def _followed(
+    settings: RunSettings, make: MakeTracker
+) -> tuple[list[FrameResult], Camera, TrackerLike, VideoInfo]:
+    """The steadied answers of a clip, and what they are from."""
+    source = ClipSource(settings.clip, settings.limits)
+    camera, tracker = _prepared(settings, make, source.info)
+    steadier: Steadier[None] = Steadier(settings.steady_s, camera)
+    results: list[FrameResult] = []
+    with closing(source.frames()) as frames, linear_algebra_on_one_thread():
+        for frame in frames:
+            result = result_of(frame, settings, tracker)
+            check_the_hand(tracker)
+            results += [steady for steady, _ in steadier.push(result, tracker.shape, None)]
+    results += [steady for steady, _ in steadier.flush()]
+    return results, camera, tracker, source.info
 
 
 def _prepared(

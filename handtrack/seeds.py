@@ -23,7 +23,7 @@ from handtrack.hand.space import ConfigurationSpace
 from handtrack.judge import outline_seen
 from handtrack.parallel import each
 from handtrack.proposer.network import Hypotheses
-from handtrack.records import Pose
+from handtrack.records import Pose, Shown
 from handtrack.refine.view import View
 from handtrack.refined import RefinedMethod
 
@@ -154,7 +154,7 @@ def facing_as_told(estimates: list[Estimate], facings: tuple[str, ...]) -> list[
     ]
 
 
-def facing_of(estimate: Estimate) -> str:
+def facing_of(estimate: Estimate) -> Shown:
     """ "palm" where the palm's normal points to the camera, else "back"."""
     return "palm" if estimate.pose.R[2, 2] < 0 else "back"
 

@@ -30,8 +30,9 @@ class RunSettings:
     """A camera file; without one a 58 degree view along the longer side is assumed."""
     side: Literal["auto", "right", "left"] = "auto"
     """Which hand it is; auto tells it by the thumb."""
-    facing: Literal["palm", "back"] = "palm"
-    """Which side of the hand the camera sees at the start."""
+    facing: Literal["auto", "palm", "back"] = "auto"
+    """Which side of the hand the camera sees at the start; auto: the palm, unless the first frames
+    show otherwise, where --side is not given either."""
     method: Literal["refined", "paper", "condensation", "random"] = "refined"
     """How the pose is found; paper is the 2002 paper's, refined goes on from there."""
     particles: int | None = None

@@ -31,6 +31,8 @@ class Source(Protocol):
     out: Path
     #: What a run is that was asked to stop.
     state_when_stopped: str
+    #: Whether its frames can be had once more.
+    can_begin_again: bool
 
     def frames(self) -> Generator[Frame, None, None]:
         """The frames in order of time."""
@@ -55,6 +57,7 @@ class ClipSource:
     """
 
     state_when_stopped = "interrupted"
+    can_begin_again = True
 
     def __init__(self, clip: Path, limits: Limits) -> None:
         self._limits = limits
@@ -84,6 +87,7 @@ class LiveSource:
     """
 
     state_when_stopped = "complete"
+    can_begin_again = False
 
     def __init__(self, clip: Path, limits: Limits, port: int, opens: bool) -> None:
         name = str(clip)

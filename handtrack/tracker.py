@@ -27,6 +27,7 @@ from handtrack.doubt import is_due, look_again, recover
 from handtrack.estimate import Estimate
 from handtrack.evidence.evidence import Evidence, see
 from handtrack.evidence.silhouette import Segmenter, seen_by_shape
+from handtrack.facing_test import FacingSettings, FacingTest
 from handtrack.hand.shape import HandShape
 from handtrack.hand.space import ConfigurationSpace
 from handtrack.hand.space import default as default_space
@@ -42,8 +43,8 @@ from handtrack.judge import (
 )
 from handtrack.layers import Seen
 from handtrack.paper import PaperMethod, PaperSettings
-from handtrack.proposals import hypotheses_near
-from handtrack.records import Frame, FrameResult, Status
+from handtrack.proposals import hypotheses_near, palm_log_odds
+from handtrack.records import Frame, FrameResult, Shown, Side, Status
 from handtrack.refine.view import View
 from handtrack.refined import RefinedMethod, RefinedSettings
 from handtrack.report import result_of
@@ -61,6 +62,10 @@ from handtrack.window import window_for
 Image = NDArray[np.uint8]
 #: The proposer is asked about a hand in track in one frame of so many.
 ASK_EVERY = 2
+#: Cosine of the angle to the camera's axis below which a palm is too much edge-on to say its side.
+EDGE_ON = 0.4
+OTHER_WAY: dict[str, Shown] = {"palm": "back", "back": "palm"}
+OTHER_SIDE: dict[str, Side] = {"left": "right", "right": "left"}
 
 
 @dataclass(frozen=True)
@@ -71,13 +76,15 @@ class TrackerSettings:
     """How a frame is worked out."""
     side: Literal["auto", "right", "left"] = "auto"
     """Which hand it is; auto: told by the thumb."""
-    facing: Literal["palm", "back"] = "palm"
-    """Which way the hand faces at the start."""
+    facing: Literal["auto", "palm", "back"] = "auto"
+    """Which side of the hand is shown at the start; auto: the palm, unless the picture says within
+    the first frames that it is the back, where the hand's side is not told either."""
     particles: int | None = None
     """Particles of the filters; by default what the paper gives each."""
     seed: int = 0
     """Seed of all randomness."""
     start: StartSettings = field(default_factory=StartSettings)
+    shown: FacingSettings = field(default_factory=FacingSettings)
     judge: JudgeSettings = field(default_factory=JudgeSettings)
     refined: RefinedSettings = field(default_factory=RefinedSettings)
     paper: PaperSettings = field(default_factory=PaperSettings)
@@ -114,6 +121,10 @@ class Tracker:
         self.track: Track | None = None
         self.search: SearchedStart | None = None  # while no open palm starts the track
         self.side: str = settings.side  # what is told, or has been learned, or "auto"
+        self.facing: Shown = "back" if settings.facing == "back" else "palm"  # as hands are shown
+        asked = settings.facing == "auto" and settings.side == "auto"
+        self.shown = FacingTest(settings.shown) if asked else None
+        self.found_out: tuple[Side, Shown] | None = None  # other than it was taken for
         self.last_evidence: Evidence | None = None
         self.seen: Seen | None = None  # of the last frame that was followed
         self.timings_ms: dict[str, list[float]] = defaultdict(list)
@@ -173,13 +184,13 @@ class Tracker:
                 self.calibrate,
                 default,
                 self.side,
-                s.facing,
+                self.facing,
                 s.start,
                 fit_shape=self.given is None,
             )
         if start is None:
             self.search = self.search or SearchedStart(
-                self._searcher, default, self.side, s.facing, s.start
+                self._searcher, default, self.side, self.facing, s.start
             )
             start = self.search(image, silhouettes, self.camera, self.rng)
         if start is not None:
@@ -190,12 +201,12 @@ class Tracker:
 
     def _other_hand(self, track: Track) -> None:
         """Begin anew, with the side that the track was not."""
-        self.side = "left" if track.side == "right" else "right"
+        self.side = OTHER_SIDE[track.side]
         self.track = None
 
     def _follow(self, frame: Frame, filmed: Image, track: Track) -> FrameResult:
         image = np.ascontiguousarray(filmed[:, ::-1]) if track.side == "left" else filmed
-        judge, facing = self.settings.judge, self.settings.facing
+        judge, facing = self.settings.judge, self.facing
         astray = track.misses >= judge.astray and not track.side_looks
         if track.lost or astray:
             recover(image, self._tracked_camera(track), track, judge, facing, self.rng)
@@ -220,6 +231,8 @@ class Tracker:
                 track.unseen = seen < judge.least_seen
             agreement = 0.0 if track.unseen else agreement
             status = status_of(agreement, track.misses, judge)
+            if status is Status.TRACKED and frame.index % ASK_EVERY == 0:
+                self._ask_what_is_shown(view, track, estimate)
         if track.is_other_hand:
             self._other_hand(track)
             return self.step(frame)
@@ -241,6 +254,18 @@ class Tracker:
             track.shape,
             self.camera,
         )
+
+    def _ask_what_is_shown(self, view: View, track: Track, estimate: Estimate) -> None:
+        """Find out that it is the other side of the other hand, if it is."""
+        test, now = self.shown, facing_of(estimate)
+        if test is None or test.is_over or abs(estimate.pose.R[2, 2]) < EDGE_ON:
+            return
+        test.watch(palm_log_odds(view, track.searcher, estimate), now == "palm")
+        if test.is_wrong:
+            track.is_other_hand = True
+            at_first = OTHER_WAY[self.facing]  # it may have turned since
+            self.found_out = (OTHER_SIDE[track.side], at_first)
+            self.facing, self.shown = OTHER_WAY[now], None
 
     def _see(self, image: Image, track: Track, predicted: Estimate) -> tuple[Evidence, View]:
         camera = self._tracked_camera(track)
@@ -269,12 +294,10 @@ class Tracker:
         if wanted and self.calibrate is not None and len(self.timings_ms["learn"]) % 5 == 0:
             # an open palm that faces as it should tells the side, where that was a guess
             sure = (
-                self.side != "auto"
-                or track.quality > 0
-                or facing_of(track.estimate) != self.settings.facing
+                self.side != "auto" or track.quality > 0 or facing_of(track.estimate) != self.facing
             )
             found = recalibrated(
-                evidence, self.calibrate, HandShape.default(), self.settings.facing,
+                evidence, self.calibrate, HandShape.default(), self.facing,
                 self.settings.start, "right" if sure else None, track.quality,
             )  # fmt: skip
             if found is not None and found.side == "left":

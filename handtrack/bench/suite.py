@@ -101,7 +101,6 @@ def run_trial(trial: Trial, clip: Path, out: Path, hand: HandGiven = "calibrated
         out=out,
         camera=clip / "camera.toml",
         hand=_hand_file(hand, clip, out),
-        facing="back" if trial.condition == "back" else "palm",
         method=trial.method,  # type: ignore[arg-type]
         particles=trial.particles,
         seed=trial.seed,

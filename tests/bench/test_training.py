@@ -40,6 +40,24 @@ def test_a_few_steps_lower_the_proposers_loss_and_opencv_reads_what_is_written(t
     assert answer.shape == (1, HYPOTHESES * NUMBERS)
 
 
+def test_a_few_steps_lower_the_facing_cues_loss_and_opencv_reads_what_is_written(tmp_path, shown):
+    from handtrack.bench.training import facing_cue
+    from handtrack.bench.training.facing_model import FacingNetwork, facing_loss
+
+    test = facing_cue.some_lessons(shown, 60)(np.random.default_rng(4))
+    assert set(test[1].tolist()) == {0.0, 1.0}
+    learned = facing_cue.trained(shown, replace(facing_cue.SHIPPED, steps=40))
+    torch.manual_seed(0)
+    fresh = FacingNetwork().eval()
+    with torch.no_grad():
+        before, after = (facing_loss(net(test[0]), test[1]).item() for net in (fresh, learned))
+        answer = learned(test[0][:1]).numpy()
+    assert after < before
+    facing_cue.write(learned, tmp_path / "net.onnx")
+    network = TrainedNetwork((tmp_path / "net.onnx").read_bytes())
+    np.testing.assert_allclose(network(test[0][:1].numpy()), answer, atol=1e-4)
+
+
 def test_a_few_steps_lower_the_shape_cues_loss_and_opencv_reads_what_is_written(tmp_path, shown):
     from handtrack.bench.training import shape_cue
     from handtrack.bench.training.grounds import ground

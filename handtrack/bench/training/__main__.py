@@ -5,7 +5,7 @@ from pathlib import Path
 
 import tyro
 
-from handtrack.bench.training import proposer, shape_cue
+from handtrack.bench.training import facing_cue, proposer, shape_cue
 from handtrack.bench.training.train import TrainingSettings, rendered
 
 
@@ -23,6 +23,22 @@ class Proposer:
         """Render or take the pictures, train, write."""
         s = self.settings
         proposer.write(proposer.trained(rendered(s.pictures, s.seed, self.cache), s), self.out)
+
+
+@dataclass(frozen=True)
+class FacingCue:
+    """Train the network of the facing cue and write it."""
+
+    out: Path
+    """The ONNX file; the shipped one is ``handtrack/proposer/facing_cue.onnx``."""
+    cache: Path = Path("pictures.npz")
+    """Where rendered pictures are kept."""
+    settings: TrainingSettings = facing_cue.SHIPPED
+
+    def __call__(self) -> None:
+        """Render or take the pictures, train, write."""
+        s = self.settings
+        facing_cue.write(facing_cue.trained(rendered(s.pictures, s.seed, self.cache), s), self.out)
 
 
 @dataclass(frozen=True)
@@ -48,4 +64,4 @@ class ShapeCue:
 
 
 if __name__ == "__main__":
-    tyro.cli(Proposer | ShapeCue, prog="python -m handtrack.bench.training")()
+    tyro.cli(Proposer | ShapeCue | FacingCue, prog="python -m handtrack.bench.training")()

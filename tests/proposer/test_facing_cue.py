@@ -1,0 +1,38 @@
+from itertools import islice
+
+import numpy as np
+import pytest
+
+from handtrack.proposer.facing_cue import log_odds
+from handtrack.proposer.picture import PALM_PER_DISC, Square, picture_of
+from synth.pictures import PALM_PX, pictures
+
+
+@pytest.fixture(scope="module")
+def seen(gl):
+    """Rendered hands, and whether each shows its palm."""
+    hands = [p for p in islice(pictures(np.random.default_rng(78)), 60) if abs(p.R[2, 2]) > 0.5]
+    squares = [Square(p.at_px, PALM_PX / PALM_PER_DISC) for p in hands]
+    shown = [
+        picture_of(np.asarray(p.grey, float), p.alpha > 128, square)
+        for p, square in zip(hands, squares, strict=True)
+    ]
+    return shown, np.array([p.R[2, 2] < 0 for p in hands])
+
+
+def test_palms_and_backs_are_told_apart_and_sureness_is_earned(seen):
+    shown, is_palm = seen
+    told = np.array([log_odds(picture) for picture in shown])
+    right = (told > 0) == is_palm
+    assert right.mean() > 0.8
+    assert right[np.abs(told) > 2].mean() > 0.95
+
+
+def test_a_mirror_image_shows_the_same_side(seen):
+    for picture in seen[0][:5]:
+        assert log_odds(picture[..., ::-1].copy()) == pytest.approx(log_odds(picture), abs=1e-4)
+
+
+def test_a_silhouette_alone_says_little(seen):
+    told = [log_odds(np.stack([picture[0], 0 * picture[0]])) for picture in seen[0]]
+    assert np.abs(told).max() < 2.5
