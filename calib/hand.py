@@ -38,7 +38,7 @@ from handtrack import rotation
 from handtrack.camera import Camera
 from handtrack.errors import InputError
 from handtrack.hand.shape import HandShape
-from handtrack.records import Pose, freeze_arrays
+from handtrack.records import OTHER_SIDE, Pose, freeze_arrays
 
 Array = NDArray[np.float64]
 #: Mean distance of outline and model, in palm radii, above which the fit is not believed.
@@ -141,8 +141,7 @@ def _check(mask: Mask, camera: Camera, side: str | None, facing: str) -> None:
 
 
 def _side_shown(landmarks: Landmarks, facing: str) -> str:
-    other = {"right": "left", "left": "right"}[landmarks.side]
-    return landmarks.side if facing == "palm" else other
+    return landmarks.side if facing == "palm" else OTHER_SIDE[landmarks.side]
 
 
 def _refused(default: HandShape, seen: Seen) -> CalibrationResult:

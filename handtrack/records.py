@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 #: Which hand it is, and which side of it is shown.
 Side = Literal["right", "left"]
 Shown = Literal["palm", "back"]
+OTHER_SIDE: dict[str, Side] = {"left": "right", "right": "left"}
+OTHER_WAY: dict[str, Shown] = {"palm": "back", "back": "palm"}
 
 
 def freeze_arrays(record: Any, copy: bool = True) -> None:

@@ -30,6 +30,7 @@ from handtrack.evidence.silhouette import Segmenter, seen_by_shape
 from handtrack.hand.shape import HandShape
 from handtrack.judge import drawn, share_seen
 from handtrack.proposals import hypotheses_of
+from handtrack.records import OTHER_SIDE
 from handtrack.refine.view import View
 from handtrack.refined import RefinedMethod
 from handtrack.seeds import find_hand
@@ -120,7 +121,7 @@ class SearchedStart:
             return None
         if not self._patience(frame) or not in_several_places(candidates):
             return _fittest(good.values())
-        other = "left" if side == "right" else "right"
+        other = OTHER_SIDE[side]
         mirrored = look([candidates[k] for k in good], other)
         leads: dict[int, float] = {}
         for at, (k, start) in enumerate(good.items()):

@@ -31,8 +31,8 @@ class RunSettings:
     side: Literal["auto", "right", "left"] = "auto"
     """Which hand it is; auto tells it by the thumb."""
     facing: Literal["auto", "palm", "back"] = "auto"
-    """Which side of the hand the camera sees at the start; auto: the palm, unless the first frames
-    show otherwise, where --side is not given either."""
+    """Which side of the hand the camera sees at the start; auto: the palm, unless the fingers
+    show otherwise by and by, where --side is not given either."""
     method: Literal["refined", "paper", "condensation", "random"] = "refined"
     """How the pose is found; paper is the 2002 paper's, refined goes on from there."""
     particles: int | None = None

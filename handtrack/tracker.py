@@ -44,7 +44,15 @@ from handtrack.judge import (
 from handtrack.layers import Seen
 from handtrack.paper import PaperMethod, PaperSettings
 from handtrack.proposals import hypotheses_near, palm_log_odds
-from handtrack.records import Frame, FrameResult, Shown, Side, Status
+from handtrack.records import (
+    OTHER_SIDE,
+    OTHER_WAY,
+    Frame,
+    FrameResult,
+    Shown,
+    Side,
+    Status,
+)
 from handtrack.refine.view import View
 from handtrack.refined import RefinedMethod, RefinedSettings
 from handtrack.report import result_of
@@ -64,8 +72,6 @@ Image = NDArray[np.uint8]
 ASK_EVERY = 2
 #: Cosine of the angle to the camera's axis below which a palm is too much edge-on to say its side.
 EDGE_ON = 0.4
-OTHER_WAY: dict[str, Shown] = {"palm": "back", "back": "palm"}
-OTHER_SIDE: dict[str, Side] = {"left": "right", "right": "left"}
 
 
 @dataclass(frozen=True)
@@ -77,8 +83,8 @@ class TrackerSettings:
     side: Literal["auto", "right", "left"] = "auto"
     """Which hand it is; auto: told by the thumb."""
     facing: Literal["auto", "palm", "back"] = "auto"
-    """Which side of the hand is shown at the start; auto: the palm, unless the picture says within
-    the first frames that it is the back, where the hand's side is not told either."""
+    """Which side of the hand is shown at the start; auto: the palm, unless the picture says by and
+    by that it is the back, where the hand's side is not told either."""
     particles: int | None = None
     """Particles of the filters; by default what the paper gives each."""
     seed: int = 0

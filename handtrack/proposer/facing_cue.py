@@ -5,6 +5,7 @@ and fingers that curl before the palm or behind it do, now more, now less. A sma
 learned from renders (``handtrack.bench.training``) says how much in a single frame;
 :mod:`handtrack.facing_test` adds it up.
 
+>>> from handtrack.proposer.picture import SIDE_PX
 >>> picture = np.random.default_rng(0).random((2, SIDE_PX, SIDE_PX), np.float32)
 >>> abs(log_odds(picture) - log_odds(picture[..., ::-1])) < 1e-4
 True
@@ -13,10 +14,8 @@ True
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.proposer.picture import SIDE_PX
 from handtrack.trained import shipped
 
-__all__ = ["SIDE_PX", "log_odds"]
 WEIGHTS = "facing_cue.onnx"
 
 
