@@ -96,11 +96,8 @@ class Target:
         return out
 
 
-def residuals(z: Array, target: Target, start: Pose, freedom: Array | float = 1.0) -> Array:
-    """Residuals ``(n, M)`` of unknowns ``z`` ``(n, N)``, each about 1 where all is well.
-
-    ``freedom`` ``(N,)`` multiplies the standard deviations of the prior.
-    """
+def residuals(z: Array, target: Target, start: Pose) -> Array:
+    """Residuals ``(n, M)`` of unknowns ``z`` ``(n, N)``, each about 1 where all is well."""
     hands = unpack(z, target.default)
     n, r = len(z), target.radius_px
     joints = _in_camera(joints_mm(hands), hands, start)
@@ -117,7 +114,7 @@ def residuals(z: Array, target: Target, start: Pose, freedom: Array | float = 1.
         [
             *(_pseudo_huber(part.reshape(n, -1)) for part in (outline, tips, valleys)),
             wrist,
-            z / freedom,
+            z,
         ],
         axis=1,
     )

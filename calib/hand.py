@@ -9,8 +9,8 @@ Find the landmarks (:mod:`calib.landmarks`), then one least-squares fit of shape
     wrist:               the neck of the outline                           8 % across, 12 % along
 
 Outline residuals are robust (pseudo-Huber). Because a point of the outline only ever meets its own
-digit, the fit cannot lock on one finger over. The palm is taken for frontal; where that strains at
-its prior the fit is done again with the tilt let free, which must gain ``TILT_EVIDENCE``.
+digit, the fit cannot lock on one finger over. The palm is taken for frontal: a tilt shortens what
+another hand's proportions shorten too, and one picture does not say which.
 
 One camera cannot see size: the palm (wrist to middle MCP) keeps the default's length unless the
 length of the hand, wrist to middle tip, is given. A left hand is flipped first and comes back as
@@ -32,7 +32,7 @@ from scipy.optimize import least_squares
 from calib.fit import Target, best_start, residuals, start_pose
 from calib.landmarks import Landmarks, Mask, search_landmarks, start_quality
 from calib.outline import palm_from_outline
-from calib.parameters import POSE, TILTED, Hands, N, unpack
+from calib.parameters import POSE, Hands, N, unpack
 from calib.seen import Seen
 from handtrack import rotation
 from handtrack.camera import Camera
@@ -44,10 +44,6 @@ Array = NDArray[np.float64]
 #: Mean distance of outline and model, in palm radii, above which the fit is not believed.
 MAX_RESIDUAL_R = 0.06
 FINITE_STEP = 1e-4
-#: Standard deviations by which a frontal palm must strain at its prior for a tilt to be tried.
-STRAINED = 0.15
-#: Log-likelihood that a tilted palm must gain over a frontal one to be believed.
-TILT_EVIDENCE = 2.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,10 +159,7 @@ def _fit(
     start = start_pose(landmarks, camera, default, facing)
 
     free = np.ones(N, bool) if fit_shape else POSE
-    z, cost = _solved(best_start(target, start), free, target, start)
-    if np.linalg.norm(z[TILTED > 1]) > STRAINED:
-        tilted, lower = _solved(z, free, target, start, TILTED)
-        z = tilted if lower < cost - TILT_EVIDENCE else z
+    z = _solved(best_start(target, start), free, target, start)
     hand = unpack(z[None], default)
     distance = target.outline_distances(hand, start)[0]
     residual_px = float(np.mean(np.abs(distance)))
@@ -187,22 +180,16 @@ def _fit(
     )
 
 
-def _solved(
-    z: Array,
-    free: NDArray[np.bool_],
-    target: Target,
-    start: Pose,
-    freedom: Array | float = 1.0,
-) -> tuple[Array, float]:
-    """The unknowns ``(N,)`` of least squares, begun at ``z``, and half their sum."""
+def _solved(z: Array, free: NDArray[np.bool_], target: Target, start: Pose) -> Array:
+    """The unknowns ``(N,)`` of least squares, begun at ``z``."""
     unit_steps = FINITE_STEP * np.eye(N)[free]
 
     def residuals_of(values: Array) -> Array:
-        return residuals(_with(z, free, values)[None], target, start, freedom)[0]
+        return residuals(_with(z, free, values)[None], target, start)[0]
 
     def jacobian(values: Array) -> Array:
         here = _with(z, free, values)
-        both = residuals(np.vstack([here, here + unit_steps]), target, start, freedom)
+        both = residuals(np.vstack([here, here + unit_steps]), target, start)
         return np.asarray((both[1:] - both[0]).T / FINITE_STEP)
 
     solution = least_squares(
@@ -214,7 +201,7 @@ def _solved(
         xtol=1e-4,
         ftol=1e-5,
     )
-    return _with(z, free, solution.x), float(solution.cost)
+    return _with(z, free, solution.x)
 
 
 def _with(z: Array, free: NDArray[np.bool_], values: Array) -> Array:

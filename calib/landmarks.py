@@ -37,7 +37,8 @@ Mask = NDArray[np.bool_]
 
 #: Usual length of a digit from its valleys to its tip, in palm radii, thumb to little.
 USUAL_REACH_R = np.array([1.35, 1.75, 1.95, 1.8, 1.35])
-
+#: Share of it below which a digit is bent or tilted away; a thumb may point at the camera.
+LEAST_REACH = np.array([0.35, 0.55, 0.55, 0.55, 0.55])
 #: Reach over the usual, and angle between neighbours, beyond which it is no open hand.
 REACH_RANGE = (0.4, 1.8)
 #: The wrist: levels below the palm, how far ahead they are compared, and its greatest width.
@@ -126,8 +127,8 @@ def start_quality(landmarks: Landmarks) -> float:
     reach = landmarks.reach_r / USUAL_REACH_R
     spread = np.degrees(_spread_angles(landmarks))
     terms = (
-        float(np.min((reach - 0.55) / 0.3)),
-        float((reach.min() / reach.max() - 0.4) / 0.3),
+        float(np.min((reach - LEAST_REACH) / 0.3)),
+        float((reach[1:].min() / reach[1:].max() - 0.4) / 0.3),
         float((spread[0] - 10) / 20),
         float(np.min((spread[1:] - 2) / 6)),
         float((0.16 - _bow(landmarks).max()) / 0.08),

@@ -72,10 +72,6 @@ POSE = np.zeros(N, bool)
 for _name in ("turn", "shift_mm", "log_depth", "web_share", "abduction", "thumb"):
     POSE[_WHERE[_name][0]] = True
 POSE.setflags(write=False)
-#: What the prior of a frontal palm is multiplied by ``(N,)`` for one that may be tilted: 12 deg.
-TILTED = np.ones(N)
-TILTED[_WHERE["turn"][0]][:2] = 12.0
-TILTED.setflags(write=False)
 
 
 def thumb_grid() -> Array:

@@ -54,9 +54,18 @@ def random_open_hand(
     turn_deg: float = 180.0,
     height_px: int = 200,
     facing: str = "palm",
+    palm_for_fingers: float = 1.0,
 ) -> DrawnHand:
-    """An open right hand about ``height_px`` tall: random shape, spread, pose, sleeve."""
+    """An open right hand about ``height_px`` tall: random shape, spread, pose, sleeve.
+
+    ``palm_for_fingers`` makes the palm so much longer, and the fingers shorter.
+    """
     shape = random_shape(rng)
+    shape = replace(
+        shape,
+        base_mm=shape.base_mm * (1, palm_for_fingers, 1),
+        length_mm=shape.length_mm / palm_for_fingers,
+    )
     theta = np.zeros(20)
     theta[[5, 9, 13, 17]] = np.radians(np.array([6, 0, -5, -10]) + rng.normal(0, 3, 4))
     theta[[4, 8, 12, 16]] = np.radians(rng.uniform(0, 10))
