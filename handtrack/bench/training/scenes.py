@@ -38,6 +38,10 @@ HANDS = (0.06, 0.84, 0.1)
 _ALIKE, _BORROWED = 0.28, 0.2
 #: Share of the hands that look as if of skin; the others are as smooth as they were rendered.
 _CREASED = 0.6
+#: Share of the hands that throw a shadow on what is behind; how far it is off and how soft its rim
+#: is, in pixels, and how dark it is.
+_SHADOWED = 0.4
+_SOFT, _HARD = (6.0, (1.0, 6.0), (0.1, 0.6)), (14.0, (0.5, 2.0), (0.3, 0.75))
 _LUMA = BRIGHTNESS.astype(np.float32)
 _SIZE = (SIDE_PX, SIDE_PX)
 _XY = np.mgrid[:SIDE_PX, :SIDE_PX][::-1].astype(np.float32)
@@ -88,7 +92,7 @@ def _with_hand(
     if kind > 1 - _ALIKE:
         image = (image @ _LUMA)[..., None] * tone * np.exp(rng.normal(0, 0.04, 3))
     hand = _hand(picture, tone, light, grain, rng)
-    if rng.random() < 0.3:
+    if rng.random() < _SHADOWED:
         image = _shadowed(image, hand.shown, rng)
     if rng.random() < 0.1:
         hand = _smeared(hand, rng)
@@ -169,11 +173,12 @@ def _arm(picture: Picture, to_picture: Image, rng: np.random.Generator) -> NDArr
 
 
 def _shadowed(image: Image, shown: Image, rng: np.random.Generator) -> Image:
-    """``image`` under the shadow of what is shown."""
-    shift = np.array([[1, 0, rng.normal(0, 6)], [0, 1, rng.normal(0, 6)]])
+    """``image`` under the shadow of what is shown: soft and near, or hard and farther off."""
+    far, soft, dark = _HARD if rng.random() < 0.4 else _SOFT
+    shift = np.array([[1, 0, rng.normal(0, far)], [0, 1, rng.normal(0, far)]])
     moved = cv2.warpAffine(shown.astype(np.float32), shift, _SIZE)
-    soft = cv2.GaussianBlur(moved, (0, 0), rng.uniform(1, 6))
-    return image * (1 - rng.uniform(0.1, 0.6) * soft[..., None])
+    cast = cv2.GaussianBlur(moved, (0, 0), rng.uniform(*soft))
+    return image * (1 - rng.uniform(*dark) * cast[..., None])
 
 
 def _smeared(hand: _Layer, rng: np.random.Generator) -> _Layer:

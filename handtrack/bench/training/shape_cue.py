@@ -2,12 +2,14 @@
 
 from collections.abc import Callable
 from functools import partial
+from itertools import islice
 from pathlib import Path
 
 import cv2
 import numpy as np
 import torch
 
+from handtrack.bench.training import people
 from handtrack.bench.training.grounds import SIDE_PX, Pixels, ground, photographs
 from handtrack.bench.training.scenes import Scene, scene_from
 from handtrack.bench.training.shape_model import ShapeNetwork, shape_loss
@@ -18,6 +20,8 @@ from synth.pictures import Picture
 SHIPPED = TrainingSettings(pictures=82_000, steps=9_100, rate=2e-3, batch=48)
 #: What hands are laid over, and how much of it a process draws at a time.
 GROUNDS, AT_ONCE = 12_000, 300
+#: How many of MakeHuman's people are among it.
+PORTRAITS = 1_800
 
 
 def trained(
@@ -30,18 +34,32 @@ def trained(
 
 
 def some_grounds(
-    photos: Path, people: Path | None, seed: int, count: int = GROUNDS
+    photos: Path,
+    folder: Path | None,
+    makehuman: Path | None,
+    seed: int,
+    count: int = GROUNDS,
 ) -> list[Pixels]:
-    """Grounds of the photographs in a folder, of people in another if there is one, and of none."""
-    portraits = [] if people is None else photographs(people)
+    """Grounds of the photographs in a folder, of people, and of nothing that is anything.
+
+    People are those of the photographs in another ``folder``, as many of MakeHuman's, or either.
+    """
+    portraits = [] if folder is None else photographs(folder)
+    if makehuman is not None:
+        made = in_processes(partial(_portraits, makehuman), PORTRAITS, AT_ONCE, seed)
+        portraits = portraits * (PORTRAITS // max(len(portraits), 1)) + made
     return in_processes(partial(_grounds, photographs(photos), portraits), count, AT_ONCE, seed)
 
 
 def _grounds(
-    photos: list[Pixels], people: list[Pixels], seed: np.random.SeedSequence
+    photos: list[Pixels], shown: list[Pixels], seed: np.random.SeedSequence
 ) -> list[Pixels]:
     rng = np.random.default_rng(seed)
-    return [ground(photos, people, rng) for _ in range(AT_ONCE)]
+    return [ground(photos, shown, rng) for _ in range(AT_ONCE)]
+
+
+def _portraits(makehuman: Path, seed: np.random.SeedSequence) -> list[Pixels]:
+    return list(islice(people.portraits(makehuman, np.random.default_rng(seed)), AT_ONCE))
 
 
 def some_scenes(

@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, fields
+from functools import partial
 from itertools import islice
 from multiprocessing import get_context
 from pathlib import Path
@@ -19,11 +20,14 @@ import torch
 from torch import Tensor, nn
 from tqdm import tqdm
 
+from handtrack.bench.training import people
 from synth.pictures import Picture, pictures
 
 AHEAD = 6
 #: Pictures that one process renders at a time.
 AT_ONCE = 300
+#: Share of them that are of ``synth``'s own hands, where there are others.
+_OURS = 0.5
 _WARM_UP = 200
 _STEEPEST = 20.0
 
@@ -50,8 +54,11 @@ class TrainingSettings:
     """Seed of pictures, lessons and first weights."""
 
 
-def rendered(count: int, seed: int, cache: Path) -> list[Picture]:
-    """Pictures, kept in ``cache`` (an ``.npz``) and taken from there if they are."""
+def rendered(count: int, seed: int, cache: Path, makehuman: Path | None = None) -> list[Picture]:
+    """Pictures, kept in ``cache`` (an ``.npz``) and taken from there if they are.
+
+    ``makehuman`` is the folder of MakeHuman's data, if half of the hands are to be its people's.
+    """
     if cache.exists():
         with np.load(cache, allow_pickle=False) as data:
             columns = {name: data[name] for name in data.files}
@@ -59,7 +66,7 @@ def rendered(count: int, seed: int, cache: Path) -> list[Picture]:
             Picture(**{name: column[k] for name, column in columns.items()})
             for k in range(len(columns["focal_px"]))
         ]
-    made = in_processes(_some_pictures, count, AT_ONCE, seed)
+    made = in_processes(partial(_some_pictures, makehuman), count, AT_ONCE, seed)
     columns = {f.name: np.array([getattr(p, f.name) for p in made]) for f in fields(Picture)}
     np.savez(cache, allow_pickle=False, **columns)
     return made
@@ -75,8 +82,12 @@ def in_processes(
         return [one for part in parts for one in part][:count]
 
 
-def _some_pictures(seed: np.random.SeedSequence) -> list[Picture]:
-    return list(islice(pictures(np.random.default_rng(seed)), AT_ONCE))
+def _some_pictures(makehuman: Path | None, seed: np.random.SeedSequence) -> list[Picture]:
+    rng = np.random.default_rng(seed)
+    source = pictures(rng)
+    if makehuman is not None and rng.random() > _OURS:
+        source = people.pictures(makehuman, rng)
+    return list(islice(source, AT_ONCE))
 
 
 def batches(draw: Callable[[np.random.Generator], Batch], seed: int) -> Iterator[Batch]:
