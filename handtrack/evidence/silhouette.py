@@ -53,6 +53,9 @@ MOST_MISTAKEN = 0.03
 SHAPE_SCALES = (0.5, 0.75)
 #: Log odds from which the shape cue is sure.
 SURE_SHAPE = 2.0
+#: Where the shape cue sees a hand, and denies more than this of what colours take for it, they have
+#: swallowed something else: a face behind it.
+MOST_DENIED = 0.12
 #: Where shadows would swallow more of the first silhouette than this, there are none.
 MOST_SHADOW = 0.03
 
@@ -274,8 +277,10 @@ def _need_help(odds: Float, shape: Float, inside: Mask) -> bool:
     hand = odds > 0
     seen, denied = near & (shape > SURE_SHAPE), shape < -SURE_SHAPE
     mistaken = max(_share(~hand, deep), _share(hand, around))
-    contested = min(_share(~hand, seen), _share(denied, near & hand))
-    return max(mistaken, contested) > MOST_MISTAKEN
+    claimed = _share(denied, near & hand)
+    contested = min(_share(~hand, seen), claimed)
+    swallowed = claimed > MOST_DENIED and seen.any()
+    return max(mistaken, contested) > MOST_MISTAKEN or swallowed
 
 
 def worth_of(odds: Float, shape: Float) -> float:

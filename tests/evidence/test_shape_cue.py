@@ -74,6 +74,18 @@ def test_colours_that_cannot_tell_are_helped_and_others_are_not(drawing):
         assert (mirrored.by_shape, mirrored.worth) == (alike, segmenter.worth)
 
 
+def test_colours_that_have_swallowed_a_face_are_helped(drawing):
+    tone = (214, 164, 134)
+    place = drawing.plain()
+    y, x = np.mgrid[: place.shape[0], : place.shape[1]]
+    off = ((x - 200) / 75) ** 2 + ((y - 130) / 100) ** 2
+    face = off < 1
+    place[face] = np.array(tone) * (1 - 0.3 * off[face, None])
+    drawn = drawing.draw(place, tone, drawing.spread())
+    both = drawn.mask | face
+    assert Segmenter.from_mask(drawn.image, both).by_shape
+
+
 def test_colours_are_worth_what_they_are_right_about():
     shape = np.tile([20.0, -20.0], 500)
     for wrong in (0.1, 0.3):  # of the pixels, and colours are as sure of these as of the others
