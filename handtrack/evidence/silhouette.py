@@ -279,7 +279,7 @@ def _need_help(odds: Float, shape: Float, inside: Mask) -> bool:
     mistaken = max(_share(~hand, deep), _share(hand, around))
     claimed = _share(denied, near & hand)
     contested = min(_share(~hand, seen), claimed)
-    swallowed = claimed > MOST_DENIED and seen.any()
+    swallowed = claimed > MOST_DENIED and bool(seen.any())
     return max(mistaken, contested) > MOST_MISTAKEN or swallowed
 
 
