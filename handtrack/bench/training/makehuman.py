@@ -27,8 +27,8 @@ Faces = NDArray[np.int32]
 
 #: The mesh is in decimetres.
 _MM = 100.0
-#: Bones of the arm, the palm, and then three of each digit.
-ARM, PALM, FIRST_DIGIT = 0, 1, 2
+#: Of the weights' columns, the first of a digit's: the arm's and the palm's come before.
+FIRST_DIGIT = 2
 _SEXES, _AGES = ("male", "female"), ("young", "young", "old", "child")
 _ORIGINS = ("african", "asian", "caucasian")
 _BUILDS = ("min{}", "average{}", "max{}")
@@ -111,22 +111,20 @@ class Arm:
         wrist : (2,)
             Turn of the arm about x and z.
         """
-        turns = [np.hstack([rotation.exp(np.array([wrist[0], 0, 0])), np.zeros((3, 1))])]
-        turns[0][:, :3] = rotation.exp(np.array([0, 0, wrist[1]])) @ turns[0][:, :3]
-        turns.append(np.eye(3, 4))
+        moves = [np.eye(4), np.eye(4)]  # of the arm and of the palm
+        moves[0][:3, :3] = rotation.about_z(wrist[1]) @ rotation.about_x(wrist[0])
         joints = self.joints_mm.copy()
         for d, angles in enumerate(theta.reshape(5, 4)):
-            so_far = np.eye(3, 4)
+            so_far = np.eye(4)
             for j, turn in enumerate(self._own_turns(d, angles)):
-                at = self.joints_mm[d, j]
-                so_far = so_far @ np.vstack(
-                    [np.column_stack([turn, at - turn @ at]), [0.0, 0.0, 0.0, 1.0]]
-                )
-                turns.append(so_far)
-                joints[d, j + 1] = so_far @ [*self.joints_mm[d, j + 1], 1.0]
-        moved = np.tensordot(self.weights, np.array(turns), 1)
+                own = np.eye(4)
+                own[:3, :3], own[:3, 3] = turn, self.joints_mm[d, j] - turn @ self.joints_mm[d, j]
+                so_far = so_far @ own
+                moves.append(so_far)
+                joints[d, j + 1] = so_far[:3, :3] @ self.joints_mm[d, j + 1] + so_far[:3, 3]
+        moved = np.tensordot(self.weights, np.array(moves), 1)
         v = self.mesh.vertices
-        return np.einsum("vij,vj->vi", moved[:, :, :3], v) + moved[:, :, 3], joints
+        return np.einsum("vij,vj->vi", moved[:, :3, :3], v) + moved[:, :3, 3], joints
 
     def _own_turns(self, d: int, angles: Array) -> list[Array]:
         """Rotations ``(3, 3)`` of a digit's three joints."""
@@ -218,13 +216,10 @@ def _somebody(folder: Path, rng: np.random.Generator) -> Array:
         vertices[at] += moved
     for name, most in _HANDS.items():
         w = rng.uniform(-most, most)
-        at, moved = _target(folder / "targets/hands", f"r-hand-{name}-{_sense(w)}")
+        way = "incr" if w > 0 else "decr"
+        at, moved = _target(folder / "targets/hands", f"r-hand-{name}-{way}")
         vertices[at] += abs(w) * moved
     return vertices
-
-
-def _sense(w: float) -> str:
-    return "incr" if w > 0 else "decr"
 
 
 @cache
