@@ -14,7 +14,7 @@ from synth import quaternion as quat
 from synth.kinematics import bone_frames
 from synth.skin import Skin
 from synth.surface import REST_THETA
-from synth.tones import TONES
+from synth.tones import TONES, linear
 
 Array = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ def paint(skin: Skin, tone: str, rng: np.random.Generator) -> Array:
         raise InputError(f"no skin tone '{tone}'; there are {', '.join(TONES)}")
     vertices = skin.mesh.vertices
     normals = skin.normals(vertices)
-    colour = np.tile(_linear(np.array(TONES[tone], float)), (len(vertices), 1))
+    colour = np.tile(linear(np.array(TONES[tone], float)), (len(vertices), 1))
     palmar = _palmar(skin, normals)
     warm = np.array([1.06, 0.94, 0.93])
     cool = np.array([0.93, 0.95, 0.97])
@@ -42,7 +42,7 @@ def paint(skin: Skin, tone: str, rng: np.random.Generator) -> Array:
     colour *= _redness(skin)
     colour *= (1.0 - _creases(skin, palmar))[:, None] ** np.array([0.8, 1.0, 1.05])
     nail = _nails(skin, palmar)[:, None]
-    pink = 0.78 * colour + 0.22 * _linear(np.array([240.0, 200.0, 192.0]))
+    pink = 0.78 * colour + 0.22 * linear(np.array([240.0, 200.0, 192.0]))
     colour = colour * (1 - nail) + pink * nail
     return np.concatenate([colour.clip(0, 1), np.ones((len(colour), 1))], axis=1)
 
@@ -60,13 +60,9 @@ def dress(albedo: Array, skin: Skin, cuff_mm: float, cloth: Array) -> tuple[Arra
     below = y < -cuff_mm
     stripe = 1.0 - 0.25 * (np.sin(y * 0.8) > 0.6)
     dressed, is_skin = albedo.copy(), np.ones_like(albedo)
-    dressed[below, :3] = (_linear(cloth) * stripe[:, None])[below]
+    dressed[below, :3] = (linear(cloth) * stripe[:, None])[below]
     is_skin[below, :3] = 0.0
     return dressed, is_skin
-
-
-def _linear(srgb: Array) -> Array:
-    return (srgb / 255.0) ** 2.2
 
 
 def _palmar(skin: Skin, normals: Array) -> Array:

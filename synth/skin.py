@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import sparse
 
 from synth import quaternion as quat
 from synth.handspec import HandSpec
@@ -105,10 +104,6 @@ class Skin:
         self.chart = Chart.of(mesh, hand)
         self.weights = weights(self.chart, mesh.vertices, hand)
         self._rest = bone_frames(REST_THETA, hand)
-        n, m = len(mesh.vertices), len(mesh.faces)
-        self._corners = sparse.csr_matrix(
-            (np.ones(3 * m), (mesh.faces.ravel(), np.repeat(np.arange(m), 3))), shape=(n, m)
-        )
 
     def pose(self, theta: ArrayLike, wrist: tuple[float, float] = (0.0, 0.0)) -> Array:
         """Vertices ``(n, 3)`` in the palm frame.
@@ -135,7 +130,5 @@ class Skin:
         return quat.apply_dual(self.weights @ motions, self.mesh.vertices)
 
     def normals(self, vertices: Array) -> Array:
-        """Unit normals ``(n, 3)``, faces weighted by their area."""
-        a, b, c = (vertices[self.mesh.faces[:, k]] for k in range(3))
-        normals = self._corners @ np.cross(b - a, c - a)
-        return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+        """Unit normals ``(n, 3)`` of the mesh with its vertices there."""
+        return self.mesh.normals(vertices)

@@ -11,10 +11,12 @@ fuse; every later pose only moves its vertices (`synth.skin`).
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 from skimage.measure import marching_cubes
 
 from synth import quaternion as quat
@@ -35,10 +37,24 @@ _DIGIT_BLEND_MM = 4.0
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """A closed triangle mesh in the palm frame of a right hand."""
+    """A triangle mesh in the palm frame of a right hand."""
 
     vertices: Array  # (n, 3) mm
     faces: NDArray[np.int32]  # (m, 3), counter-clockwise from outside
+
+    def normals(self, vertices: Array) -> Array:
+        """Unit normals ``(n, 3)`` where its vertices are moved, faces weighted by their area."""
+        a, b, c = (vertices[self.faces[:, k]] for k in range(3))
+        normals = self._corners @ np.cross(b - a, c - a)
+        return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+
+    @cached_property
+    def _corners(self) -> sparse.csr_matrix:
+        """Which faces ``(n, m)`` meet at each vertex."""
+        n, m = len(self.vertices), len(self.faces)
+        return sparse.csr_matrix(
+            (np.ones(3 * m), (self.faces.ravel(), np.repeat(np.arange(m), 3))), shape=(n, m)
+        )
 
 
 class _Flesh:

@@ -17,3 +17,8 @@ TONES: dict[str, tuple[int, int, int]] = {
 def some_cloth(rng: np.random.Generator) -> NDArray[np.float64]:
     """A sleeve's sRGB colour ``(3,)``."""
     return rng.integers((20, 40, 60), (90, 120, 200)).astype(float)
+
+
+def linear(srgb: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Linear light, 0 to 1, of displayed colours, 0 to 255."""
+    return (srgb / 255.0) ** 2.2

@@ -59,7 +59,7 @@ class Drawing:
 
 
 def write_targets(folder):
-    """Targets that move nothing, but for the lengths of fingers."""
+    """Targets that move nothing."""
     sexes, ages = ("male", "female"), ("young", "old", "child")
     origins, builds = ("african", "asian", "caucasian"), ("min", "average", "max")
     names = [f"macrodetails/{'-'.join(n)}" for n in itertools.product(origins, sexes, ages)]

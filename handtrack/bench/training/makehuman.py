@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from handtrack import rotation
 from handtrack.errors import InputError
 from handtrack.hand.shape import HandShape
+from synth.surface import Mesh
 
 Array = NDArray[np.float64]
 Faces = NDArray[np.int32]
@@ -53,23 +54,6 @@ class _Files:
         """Numbers of the bones whose names begin and end so."""
         names = enumerate(self.rig)
         return [k for k, name in names if name.startswith(begins) and name.endswith(side)]
-
-
-@dataclass(frozen=True, eq=False)
-class Mesh:
-    """A surface at rest."""
-
-    vertices: Array  # (n, 3) mm
-    faces: Faces  # (m, 3), counter-clockwise from outside
-
-    def normals(self, vertices: Array) -> Array:
-        """Unit normals ``(n, 3)`` where the vertices are moved."""
-        a, b, c = (vertices[self.faces[:, k]] for k in range(3))
-        across = np.cross(b - a, c - a)
-        normals = np.zeros_like(vertices)
-        for k in range(3):
-            np.add.at(normals, self.faces[:, k], across)
-        return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
 
 
 class Arm:

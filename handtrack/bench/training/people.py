@@ -12,18 +12,17 @@ from handtrack.bench.training.makehuman import (
     FIRST_DIGIT,
     Arm,
     Body,
-    Mesh,
     angles_of,
     some_arm,
     some_body,
 )
 from handtrack.camera import Camera
 from handtrack.hand.shape import HandShape
-from synth.draws import random_angles, random_light, random_rotation
+from synth.draws import random_light
 from synth.light import shade
-from synth.pictures import BRIGHTNESS, OF_A_HAND, OF_A_LENS, PALM_PX, SIDE_PX, Picture
+from synth.pictures import Picture, lit, pictures_of
 from synth.render import Renderer
-from synth.tones import TONES
+from synth.tones import TONES, linear
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
@@ -31,7 +30,6 @@ Pixels = NDArray[np.uint8]
 #: Side of a portrait, and focal length of its camera, in pixels.
 PORTRAIT_PX, _PORTRAIT_FOCAL_PX = 256, 300.0
 _PORTRAITS_OF_ONE = 3
-_NEAREST_MM = 60.0
 #: Where arms are cut off, mm below the wrist.
 _ARMS_MM = (25.0, 40.0, 80.0, 160.0, 260.0)
 #: Share of the people whose cloth has about their skin's colour.
@@ -40,6 +38,36 @@ _NUDE = 0.12
 #: and cheeks, mm from between the eyes, and how large.
 _RED = np.array([0.2, 1.0, 1.0])
 _REDDER = ((0, 65, -60, 22), (0, 25, -75, 18), (40, 30, -40, 25), (-40, 30, -40, 25))
+
+
+class _Model:
+    """An arm as :class:`synth.pictures.Model`, cut off somewhere."""
+
+    palm_mm = HandShape.default().palm_length_mm
+
+    def __init__(self, arm: Arm, arm_mm: float, albedo: Array) -> None:
+        self.arm, self.albedo = arm, albedo
+        mesh = arm.mesh
+        self.shown = mesh.faces[(mesh.vertices[mesh.faces][:, :, 1] > -arm_mm).all(axis=1)]
+
+    def bent(self, theta: Array) -> tuple[Array, Array]:
+        """As :meth:`synth.pictures.Model.bent`."""
+        _, joints = self.arm.posed(theta, np.zeros(2))
+        return np.vstack([np.zeros(3), joints.reshape(-1, 3)]), angles_of(joints)
+
+    def draw(
+        self,
+        theta: Array,
+        R: Array,
+        t_mm: Array,
+        wrist: Array,
+        renderer: Renderer,
+        rng: np.random.Generator,
+    ) -> Pixels | None:
+        """As :meth:`synth.pictures.Model.draw`."""
+        v, _ = self.arm.posed(theta, wrist)
+        normals = self.arm.mesh.normals(v) @ R.T
+        return lit(v @ R.T + t_mm, normals, self.shown, self.albedo, renderer, rng)
 
 
 def pictures(folder: Path, rng: np.random.Generator) -> Iterator[Picture]:
@@ -52,50 +80,10 @@ def pictures(folder: Path, rng: np.random.Generator) -> Iterator[Picture]:
     NoGLError
         There is no OpenGL without a display.
     """
-    palm_mm = HandShape.default().palm_length_mm
-    middle = (SIDE_PX - 1) / 2
     while True:
         arm = some_arm(folder, rng)
         arm_mm = float(rng.choice(_ARMS_MM))
-        mesh, albedo = arm.mesh, _skin_of(arm, rng)
-        shown = (mesh.vertices[mesh.faces][:, :, 1] > -arm_mm).all(axis=1)
-        cut = Mesh(mesh.vertices, mesh.faces[shown])
-        for _ in range(OF_A_HAND // OF_A_LENS):
-            distance = rng.uniform(280, 900)
-            focal = PALM_PX * distance / palm_mm
-            camera = Camera(focal, focal, middle, middle, SIDE_PX, SIDE_PX)
-            with Renderer(camera) as renderer:
-                for _ in range(OF_A_LENS):
-                    picture = _picture(arm, cut, albedo, renderer, distance, rng)
-                    if picture is not None:
-                        yield picture
-
-
-def _picture(
-    arm: Arm,
-    mesh: Mesh,
-    albedo: Array,
-    renderer: Renderer,
-    distance_mm: float,
-    rng: np.random.Generator,
-) -> Picture | None:
-    """One picture, or None where the arm reaches behind the camera."""
-    R, wrist = random_rotation(rng), rng.normal(0, np.radians(12), 2)
-    v, joints = arm.posed(random_angles(rng), wrist)
-    palm = R @ np.array([0.0, 0.5 * HandShape.default().palm_length_mm, 0.0])
-    points = np.vstack([np.zeros(3), joints.reshape(-1, 3)]) @ R.T
-    middle = 0.5 * palm + 0.25 * (points.min(axis=0) + points.max(axis=0))
-    offset = rng.normal(0, 4.0, 2)
-    t_mm = np.array([offset[0] - middle[0], offset[1] - middle[1], distance_mm - palm[2]])
-    seen = v @ R.T + t_mm
-    if seen[:, 2].min() < _NEAREST_MM:
-        return None
-    lights, ambient = random_light(rng)
-    colours = shade(seen, mesh.normals(v) @ R.T, mesh.faces, albedo, lights, ambient)
-    rgba = renderer.draw(seen, mesh.faces, colours)
-    grey = (rgba[..., :3] @ BRIGHTNESS).astype(np.uint8)
-    at_px = renderer.camera.project((palm + t_mm)[None])[0]
-    return Picture(grey, rgba[..., 3], angles_of(joints), R, at_px, renderer.camera.fx_px)
+        yield from pictures_of(_Model(arm, arm_mm, _skin_of(arm, rng)), rng)
 
 
 def _skin_of(arm: Arm, rng: np.random.Generator) -> Array:
@@ -112,7 +100,7 @@ def _skin_of(arm: Arm, rng: np.random.Generator) -> Array:
         last = arm.weights[:, FIRST_DIGIT + 3 * d + 2] > 0.9
         along = (v - joints[d, 2]) @ (joints[d, 3] - joints[d, 2])
         nail = last & (palmar < -0.4) & (along > 0.45 * np.sum((joints[d, 3] - joints[d, 2]) ** 2))
-        colour[nail] = 0.7 * colour[nail] + 0.3 * _linear(np.array([240.0, 200.0, 192.0]))
+        colour[nail] = 0.7 * colour[nail] + 0.3 * linear(np.array([240.0, 200.0, 192.0]))
     return _opaque(colour)
 
 
@@ -159,7 +147,7 @@ def _colours_of(body: Body, rng: np.random.Generator) -> Array:
         near = np.exp(-((np.linalg.norm(v - (x, y, z), axis=1) / size) ** 2))
         colour *= 1 - rng.uniform(0, 0.35) * near[:, None] * _RED
     nude = rng.random() < _NUDE
-    cloth = tone * rng.uniform(0.6, 1.3) if nude else _linear(some_colour(rng))
+    cloth = tone * rng.uniform(0.6, 1.3) if nude else linear(some_colour(rng))
     stripes = np.sin(v[:, 1] * rng.uniform(0.05, 0.4)) > rng.uniform(-1, 2)
     woven = cloth * (1 - rng.uniform(0, 0.5) * stripes[:, None])
     colour[body.clothed] = woven[body.clothed]
@@ -174,11 +162,7 @@ def _some_tone(rng: np.random.Generator) -> Array:
     """Linear reflectance ``(3,)`` of somebody's skin."""
     one, other = (np.array(TONES[str(name)], float) for name in rng.choice(list(TONES), 2))
     w = rng.random()
-    return _linear((w * one + (1 - w) * other) * np.exp(rng.normal(0, 0.05, 3)))
-
-
-def _linear(srgb: Array) -> Array:
-    return np.asarray((np.clip(srgb, 0, 255) / 255) ** 2.2)
+    return linear((w * one + (1 - w) * other) * np.exp(rng.normal(0, 0.05, 3)))
 
 
 def _opaque(colour: Array) -> Array:

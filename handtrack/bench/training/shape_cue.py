@@ -40,7 +40,7 @@ def some_grounds(
     seed: int,
     count: int = GROUNDS,
 ) -> list[Pixels]:
-    """Grounds of the photographs in a folder, of people, and of nothing that is anything.
+    """Grounds of the photographs in a folder, of people, and of textures.
 
     People are those of the photographs in another ``folder``, as many of MakeHuman's, or either.
     """
