@@ -9,6 +9,7 @@ from pathlib import Path
 
 import tomli_w
 
+from handtrack.errors import InputError
 from synth.clip import write_clip
 from synth.scene import Scene
 
@@ -22,6 +23,8 @@ class ClipCache:
     folder: Path
     frames: int | None = None  # cut or lengthen every clip to so many
     recordings: tuple[Path, ...] = ()  # that fingers replay, in turn; none: as the scene says
+    model: Path | None = None  # another maker's hand, for scenes that film one; none: of people
+    makehuman: Path | None = None  # MakeHuman's folder, for scenes with somebody's body
 
     def __call__(self, condition: str, seed: int) -> Path:
         """The folder of ready scene ``condition``, its seed counted on from the scene's own."""
@@ -33,6 +36,8 @@ class ClipCache:
             replayed = str(self.recordings[seed % len(self.recordings)].resolve())
             motion = replace(scene.motion, fingers="recording", recording=replayed)
             scene = replace(scene, motion=motion)
+        if scene.surface == "model":
+            scene = self._cast(scene)
         made = self.folder / f"{condition}-{seed}-{key_of(scene)}"
         if not _is_whole(made):
             part = made.with_name(f".{made.name}-{os.getpid()}.part")  # others may make it too
@@ -40,6 +45,17 @@ class ClipCache:
             write_clip(scene, part)
             _put_in_place(part, made)
         return made
+
+    def _cast(self, scene: Scene) -> Scene:
+        """The scene with the hand that is filmed, and somebody behind it if it wants that."""
+        if (hand := self.model or self.makehuman) is None:
+            raise InputError("another maker's hand is filmed: name one with --model or --makehuman")
+        if scene.look.body and self.makehuman is None:
+            raise InputError(
+                "somebody stands behind the hand: --makehuman wants MakeHuman's folder"
+            )
+        body = str(self.makehuman.resolve()) if scene.look.body and self.makehuman else ""
+        return replace(scene, model=str(hand.resolve()), look=replace(scene.look, body=body))
 
 
 def _is_whole(made: Path) -> bool:

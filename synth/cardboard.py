@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from handtrack.camera import Camera
 from synth import quaternion as quat
 from synth.handspec import HandSpec
-from synth.kinematics import bone_frames, forearm_turn, mirror
+from synth.kinematics import Bending, bone_frames, forearm_turn, mirror
 from synth.layer import Layer
 from synth.scene import Scene
 from synth.surface import FOREARM_LENGTH_MM
@@ -85,11 +85,11 @@ def _across(theta: Array, hand: HandSpec) -> Array:
     return np.asarray(x / np.linalg.norm(x, axis=1, keepdims=True))
 
 
-class CardboardActor:
+class CardboardActor(Bending):
     """Draws the cardboard hand; needs no OpenGL."""
 
     def __init__(self, scene: Scene) -> None:
-        self._hand = HandSpec.named(scene.hand)
+        super().__init__(HandSpec.named(scene.hand))
         self._camera = scene.camera
         self._tone = np.array(TONES[scene.look.skin], float)
         self._forearm_mm = 32.0 if scene.look.forearm == "stub" else FOREARM_LENGTH_MM
@@ -103,7 +103,7 @@ class CardboardActor:
 
     def draw(self, theta: Array, R: Array, t_mm: Array, wrist: Array) -> Layer:
         """One instant."""
-        pieces = patches(theta, self._hand, self._forearm_mm, wrist)
+        pieces = patches(theta, self.hand, self._forearm_mm, wrist)
         seen = [Patch((p.corners * self._S) @ R.T + t_mm, p.shade) for p in pieces]
         rgba = painted(seen, self._tone, self._camera)
         return Layer(rgba, rgba[..., 3] >= 128)

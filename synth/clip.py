@@ -1,7 +1,8 @@
 """From a scene to a clip and its truth.
 
 ``clip.mp4`` beside ``truth.npz`` (angles, palm pose, keypoints in px and mm, mask), ``shape.toml``
-(the hand's measures as the tracker would know them), ``camera.toml`` and ``scene.toml``.
+(the hand's measures as the tracker would know them; none for another maker's hand),
+``camera.toml`` and ``scene.toml``.
 """
 
 import sys
@@ -24,7 +25,7 @@ from synth.actor import Actor, make_actor
 from synth.background import background
 from synth.export import as_hand_shape
 from synth.handspec import HandSpec
-from synth.kinematics import keypoints_mm, mirror
+from synth.kinematics import mirror
 from synth.motion import Film
 from synth.scene import Scene
 
@@ -76,16 +77,16 @@ class Truth:
         return cls(camera=camera, side=side, fps=fps, **values)
 
 
-def truth_of(scene: Scene, film: Film, mask: NDArray[np.uint8]) -> Truth:
+def truth_of(scene: Scene, actor: Actor, film: Film, mask: NDArray[np.uint8]) -> Truth:
     """The truth of a scene that moves as ``film`` does, one row a frame."""
-    hand = HandSpec.named(scene.hand)
-    points = keypoints_mm(film.theta, hand) * mirror(scene.side)
+    points, theta = actor.bent(film.theta)
+    points = points * mirror(scene.side)
     points = np.einsum("fij,fkj->fki", film.R, points) + film.t_mm[:, None]
     px = scene.camera.project(points)
     inside = ((px > 0) & (px < (scene.width_px - 1, scene.height_px - 1))).all(axis=-1)
     return Truth(
         times_s=film.times_s,
-        theta=film.theta,
+        theta=theta,
         R=film.R,
         t_mm=film.t_mm,
         keypoints_mm=points,
@@ -152,14 +153,15 @@ def write_clip(scene: Scene, folder: Path, progress: bool = False) -> Truth:
         The smooth hand is asked for and there is no OpenGL.
     """
     scene = scene.settled()
-    shape = as_hand_shape(HandSpec.named(scene.hand), scene.surface)
+    film = scene.motion.film(_streams(scene)[0], scene.fps)
     with make_actor(scene) as actor:
         _make(folder)
         masks = _film(scene, actor, folder / "clip.mp4", progress)
-    film = scene.motion.film(_streams(scene)[0], scene.fps)
-    truth = truth_of(scene, film, np.array(masks))
+        truth = truth_of(scene, actor, film, np.array(masks))
     truth.save(folder / "truth.npz")
-    shape.save(folder / "shape.toml")
+    if scene.surface != "model":
+        shape = as_hand_shape(HandSpec.named(scene.hand), scene.surface)
+        shape.save(folder / "shape.toml")
     scene.camera.save(folder / "camera.toml", source="synthetic truth")
     (folder / "scene.toml").write_text(tomli_w.dumps(asdict(scene)), encoding="utf-8")
     return truth

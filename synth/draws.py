@@ -1,8 +1,8 @@
-"""Any hand, any pose, any light: what pictures to learn from are drawn from.
+"""Any hand, any pose: what pictures to learn from are drawn from.
 
 Hands are blends of the shipped ones with their own lengths and girths; fingers are on the lines
 between states, as in the shipped recording, or bent joint by joint; the palm or the back is shown,
-tilted; lamps stand anywhere.
+tilted.
 """
 
 from dataclasses import fields
@@ -15,12 +15,9 @@ from scipy.spatial.transform import Rotation
 from handtrack.hand.skeleton import LIMITS
 from synth.fingers import recorded, some_state
 from synth.handspec import HAND_NAMES, HandSpec
-from synth.scene import Light
 
 Array = NDArray[np.float64]
 
-#: How far from the camera hands are, near which lamps point there.
-AT_MM = (0.0, 0.0, 450.0)
 #: How much of the spread of the fingers each finger takes.
 _SPREAD = np.array([0.0, 1.0, 0.3, -0.4, -1.0])
 #: Standard deviations of a palm's tilt about x and y, degrees, and in what share of the pictures.
@@ -87,18 +84,3 @@ def random_rotation(rng: np.random.Generator) -> Array:
     tilt = float(rng.choice(_TILT_DEG, p=_TILT_SHARE))
     turn = np.radians([*rng.normal(0, tilt, 2), rng.normal(0, 25)])
     return np.asarray(Rotation.from_rotvec(turn).as_matrix() @ side)
-
-
-def random_light(rng: np.random.Generator) -> tuple[tuple[Light, ...], float]:
-    """A sun and up to two bulbs, mostly from above, and the light from everywhere."""
-    lights = []
-    for k in range(rng.integers(1, 4)):
-        way = rng.normal(size=3)
-        way /= np.linalg.norm(way)
-        way[2] = -abs(way[2])
-        if rng.random() < 0.7:
-            way[1] = -abs(way[1])
-        x, y, z = 500 * way + AT_MM
-        strength = float(rng.uniform(0.05, 0.4) if k else rng.uniform(0.2, 0.9))
-        lights.append(Light("point" if k else "sun", (x, y, z), AT_MM, strength))
-    return tuple(lights), float(rng.uniform(0.15, 0.6))

@@ -53,6 +53,17 @@ def mirror(side: str) -> Array:
     return np.array([-1.0 if side == "left" else 1.0, 1.0, 1.0])
 
 
+class Bending:
+    """What actors and models have that bend exactly as they are asked to."""
+
+    def __init__(self, hand: HandSpec) -> None:
+        self.hand = hand
+
+    def bent(self, theta: Array) -> tuple[Array, Array]:
+        """Keypoints ``(..., 21, 3)``, mm, in the palm's frame, and the angles ``(..., 20)``."""
+        return keypoints_mm(theta, self.hand), theta
+
+
 def keypoints_mm(theta: ArrayLike, hand: HandSpec) -> Array:
     """The 21 keypoints ``(..., 21, 3)`` in the palm frame."""
     _, start, end = bone_frames(theta, hand)

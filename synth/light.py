@@ -15,7 +15,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from synth.scene import Light
+from synth.scene import Light, Look
 
 Array = NDArray[np.float64]
 
@@ -28,6 +28,10 @@ _UP = np.array([0.0, -1.0, 0.0])
 _RING = np.linspace(0, 2 * np.pi, 6, endpoint=False)
 _SKY = np.array([(0.0, 0.0, -1.0), *((0.87 * np.cos(a), 0.87 * np.sin(a), -0.5) for a in _RING)])
 _SKY_CELL_MM = 2.5
+
+
+#: Where lamps that stand anywhere point to.
+_AT_MM = (0.0, 0.0, 450.0)
 
 
 def shade(
@@ -67,6 +71,28 @@ def shade(
         gloss += colour * (_GLOSS * shine * (facing > 0))[:, None]
     light = albedo[:, :3] * diffuse + gloss
     return np.concatenate([np.clip(light, 0, 1) ** (1 / 2.2), albedo[:, 3:]], axis=1)
+
+
+def lamps(look: Look, seed: int) -> tuple[tuple[Light, ...], float]:
+    """The lamps of a scene and the light from everywhere; any, if it names none."""
+    if look.lights:
+        return look.lights, look.ambient
+    return random_light(np.random.default_rng([seed, 3]))
+
+
+def random_light(rng: np.random.Generator) -> tuple[tuple[Light, ...], float]:
+    """A sun and up to two bulbs, mostly from above, and the light from everywhere."""
+    lights = []
+    for k in range(rng.integers(1, 4)):
+        way = rng.normal(size=3)
+        way /= np.linalg.norm(way)
+        way[2] = -abs(way[2])
+        if rng.random() < 0.7:
+            way[1] = -abs(way[1])
+        x, y, z = 500 * way + _AT_MM
+        strength = float(rng.uniform(0.05, 0.4) if k else rng.uniform(0.2, 0.9))
+        lights.append(Light("point" if k else "sun", (x, y, z), _AT_MM, strength))
+    return tuple(lights), float(rng.uniform(0.15, 0.6))
 
 
 def _arriving(lamp: Light, vertices_mm: Array) -> tuple[Array, Array]:

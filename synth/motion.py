@@ -69,8 +69,8 @@ class Motion:
         Constant turn about the camera's x, y and z.
     wrist_deg : float
         Largest turn of the forearm at the wrist.
-    facing : "palm" or "back"
-        Which side is shown.
+    facing : "palm", "back" or "any"
+        Which side is shown; of any four, one back.
     away : (float, float)
         The hand is out of the image between these shares of the clip; equal: never.
     """
@@ -88,7 +88,7 @@ class Motion:
     roll_deg: float = 12.0
     lean_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
     wrist_deg: float = 8.0
-    facing: Literal["palm", "back"] = "palm"
+    facing: Literal["palm", "back", "any"] = "palm"
     away: tuple[float, float] = (0.0, 0.0)
 
     def film(

@@ -13,7 +13,7 @@ from handtrack.errors import InputError
 from synth import quaternion as quat
 from synth.kinematics import bone_frames
 from synth.skin import Skin
-from synth.surface import REST_THETA
+from synth.surface import REST_THETA, Mesh
 from synth.tones import TONES, linear
 
 Array = NDArray[np.float64]
@@ -47,7 +47,7 @@ def paint(skin: Skin, tone: str, rng: np.random.Generator) -> Array:
     return np.concatenate([colour.clip(0, 1), np.ones((len(colour), 1))], axis=1)
 
 
-def dress(albedo: Array, skin: Skin, cuff_mm: float, cloth: Array) -> tuple[Array, Array]:
+def dress(albedo: Array, mesh: Mesh, cuff_mm: float, cloth: Array) -> tuple[Array, Array]:
     """Put a striped sleeve of sRGB ``cloth`` ``(3,)`` on, from ``cuff_mm`` below the wrist.
 
     Returns
@@ -56,7 +56,7 @@ def dress(albedo: Array, skin: Skin, cuff_mm: float, cloth: Array) -> tuple[Arra
     is_skin : (n, 4)
         White where skin is bare, black where it is not.
     """
-    y = skin.mesh.vertices[:, 1]
+    y = mesh.vertices[:, 1]
     below = y < -cuff_mm
     stripe = 1.0 - 0.25 * (np.sin(y * 0.8) > 0.6)
     dressed, is_skin = albedo.copy(), np.ones_like(albedo)

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from handtrack.camera import Camera
 from synth.cardboard import Patch, painted, patches
-from synth.draws import random_angles, random_hand, random_light, random_rotation
+from synth.draws import random_angles, random_hand, random_rotation
 from synth.handspec import HandSpec
-from synth.kinematics import keypoints_mm
-from synth.light import shade
+from synth.kinematics import Bending
+from synth.light import random_light, shade
 from synth.paint import paint
 from synth.render import Renderer
 from synth.skin import Skin
@@ -91,16 +91,12 @@ class Model(Protocol):
         ...
 
 
-class _Ours:
+class _Ours(Bending):
     """A hand as :mod:`synth.kinematics` bends it."""
 
     def __init__(self, hand: HandSpec) -> None:
-        self.hand = hand
+        super().__init__(hand)
         self.palm_mm = float(np.linalg.norm(hand.base_mm[2]))
-
-    def bent(self, theta: Array) -> tuple[Array, Array]:
-        """As :meth:`Model.bent`, exactly."""
-        return keypoints_mm(theta[None], self.hand)[0], theta
 
 
 class _Skinned(_Ours):

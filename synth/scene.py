@@ -7,7 +7,7 @@
 
 import tomllib
 import typing
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -16,6 +16,7 @@ import numpy as np
 
 from handtrack.camera import Camera
 from handtrack.errors import InputError
+from synth.background import KINDS
 from synth.handspec import HAND_NAMES
 from synth.motion import Motion
 from synth.tones import TONES
@@ -54,12 +55,14 @@ class Look:
     ----------
     skin : str
         A tone of `synth.tones.TONES`, or ``"any"``.
-    forearm : "stub", "bare" or "sleeve"
+    forearm : "stub", "bare", "sleeve" or "any"
         It ends below the wrist; it is bare and leaves the image; it is clothed.
     background : str
-        A kind of `synth.background.KINDS`, or an image file.
+        A kind of `synth.background.KINDS`, ``"any"`` of them, or an image file.
+    body : str
+        MakeHuman's folder, if somebody's face and shirt shall be behind the hand that is a model's.
     lights : tuple of Light
-        Lamps; ``ambient`` lights everything alike.
+        Lamps; ``ambient`` lights everything alike. Without any the seed decides on both.
     noise : float
         Standard deviation of the sensor's noise at full white, of 255.
     lens_blur_px : float
@@ -71,8 +74,9 @@ class Look:
     """
 
     skin: str = "light"
-    forearm: Literal["stub", "bare", "sleeve"] = "stub"
+    forearm: Literal["stub", "bare", "sleeve", "any"] = "stub"
     background: str = "plain"
+    body: str = ""
     lights: tuple[Light, ...] = (
         Light(),
         Light("point", from_mm=(350.0, -100.0, -100.0), intensity=0.15),
@@ -95,15 +99,19 @@ class Scene:
         Decides everything that is random: motion, scenery, noise, and what is ``"any"``.
     hand : str
         One of `synth.handspec.HAND_NAMES`, or ``"any"``.
-    side : "right" or "left"
-    surface : "smooth", "cardboard" or "spheres"
-        The skinned hand, the paper's flat patches, or swept balls (these need no OpenGL).
+    side : "right", "left" or "any"
+    surface : "smooth", "cardboard", "spheres" or "model"
+        The skinned hand, the paper's flat patches, or swept balls (these need no OpenGL), or a hand
+        that somebody else modelled.
+    model : str
+        That hand's file (:mod:`synth.webxr`) or folder (:mod:`synth.makehuman`).
     """
 
     seed: int = 0
     hand: str = "average"
-    side: Literal["right", "left"] = "right"
-    surface: Literal["smooth", "cardboard", "spheres"] = "smooth"
+    side: Literal["right", "left", "any"] = "right"
+    surface: Literal["smooth", "cardboard", "spheres", "model"] = "smooth"
+    model: str = ""
     width_px: int = 640
     height_px: int = 480
     focal_px: float = 600.0
@@ -124,6 +132,7 @@ class Scene:
             "look.subframes": self.look.subframes >= 1,
             "look.crf": 0 <= self.look.crf <= 51,
             "look.noise": self.look.noise >= 0,
+            "look.body": self.surface == "model" or not self.look.body,
         }
         if wrong := [name for name, fine in checks.items() if not fine]:
             raise InputError(f"scene: {', '.join(wrong)} out of range")
@@ -137,9 +146,15 @@ class Scene:
     def settled(self) -> "Scene":
         """The same scene with every ``"any"`` decided by its seed."""
         rng = np.random.default_rng([self.seed, 2])
-        hand, skin = str(rng.choice(HAND_NAMES)), str(rng.choice(list(TONES)))
-        look = replace(self.look, skin=skin) if self.look.skin == "any" else self.look
-        return replace(self, hand=hand if self.hand == "any" else self.hand, look=look)
+        hand = _decided(self.hand, HAND_NAMES, rng)
+        skin = _decided(self.look.skin, tuple(TONES), rng)
+        forearm = _decided(self.look.forearm, ("bare", "sleeve"), rng)
+        background = _decided(self.look.background, KINDS, rng)
+        side = _decided(self.side, ("right", "left"), rng)
+        facing = _decided(self.motion.facing, ("palm", "palm", "palm", "back"), rng)
+        look = replace(self.look, skin=skin, forearm=forearm, background=background)
+        motion = replace(self.motion, facing=facing)
+        return replace(self, hand=hand, side=side, motion=motion, look=look)
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any], name: str = "scene") -> "Scene":
@@ -176,6 +191,12 @@ class Scene:
 def scene_names() -> list[str]:
     """The ready scenes."""
     return sorted(path.stem for path in SCENES_DIR.glob("*.toml"))
+
+
+def _decided(value: str, choices: Sequence[str], rng: np.random.Generator) -> Any:
+    """``value``, or if it is ``"any"`` one of the choices, which are drawn from in either case."""
+    choice = str(rng.choice(choices))
+    return choice if value == "any" else value
 
 
 def _build(kind: Any, value: Any, name: str) -> Any:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from synth import quaternion as quat
 from synth.handspec import HandSpec
-from synth.kinematics import bone_frames, forearm_turn, mirror
+from synth.kinematics import Bending, bone_frames, forearm_turn, mirror
 from synth.layer import Layer
 from synth.scene import Scene
 from synth.surface import FOREARM_LENGTH_MM
@@ -30,11 +30,12 @@ _STUB_MM = 40.0
 _NEAREST_MM = 30.0
 
 
-class SpheresActor:
+class SpheresActor(Bending):
     """Draws the doll's hand; needs no OpenGL."""
 
     def __init__(self, scene: Scene) -> None:
-        self._hand, self._camera = HandSpec.named(scene.hand), scene.camera
+        super().__init__(HandSpec.named(scene.hand))
+        self._camera = scene.camera
         self._S = mirror(scene.side)
         self._arm_mm = _STUB_MM if scene.look.forearm == "stub" else FOREARM_LENGTH_MM
         rng = np.random.default_rng([scene.seed, 9])
@@ -57,7 +58,7 @@ class SpheresActor:
 
     def draw(self, theta: Array, R: Array, t_mm: Array, wrist: Array) -> Layer:
         """One instant."""
-        centres, radii, part = balls(theta, self._hand, self._girth, self._arm_mm, wrist)
+        centres, radii, part = balls(theta, self.hand, self._girth, self._arm_mm, wrist)
         seen = (centres * self._S) @ R.T + t_mm
         near = seen[:, 2] > radii + _NEAREST_MM
         c = self._camera

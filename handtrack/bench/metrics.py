@@ -47,6 +47,8 @@ _JOINTS = ("mcp", "pip", "dip")
 _NINETY = 1.6448536
 #: A hand that was lost must be found again within this many frames.
 FOUND_AGAIN = 15
+#: A hand is found where keypoints are nearer than this, in lengths of the palm.
+FOUND_PALMS = 0.3
 
 
 def bends_deg(keypoints_mm: Array) -> Array:
@@ -101,6 +103,7 @@ def score(track: Track, truth: Track) -> Scores:
         "frames": float(len(truth)),
         "tracked_share": _mean((track.shown & answered)[truth.shown]),
         "answered_share": _mean(answered[truth.shown]),
+        "found_share": found_share(track, truth),
         "frames_to_find": frames_to_find(track.shown & answered, truth.shown),
         "keypoints_px": _keypoint_error(track, truth, answered),
         "lag_frames": lag_frames(track, truth),
@@ -175,6 +178,17 @@ def frames_to_find(tracked: NDArray[np.bool_], shown: NDArray[np.bool_]) -> floa
         after = np.flatnonzero(tracked[begin:])
         waits.append(int(after[0]) if len(after) else len(shown) - int(begin))
     return float(max(waits))
+
+
+def found_share(track: Track, truth: Track) -> float:
+    """Share of the frames with the hand whose keypoints are near it, tracked or not.
+
+    Near are 0.3 of the palm's length in the mean, as long as it is in the image by the median.
+    """
+    palm_px = np.linalg.norm(truth.keypoints_px[:, 9] - truth.keypoints_px[:, 0], axis=-1)
+    off = np.linalg.norm(track.keypoints_px - truth.keypoints_px, axis=-1).mean(axis=-1)
+    near = off < FOUND_PALMS * np.median(palm_px[truth.shown])  # False for NaN
+    return _mean(near[truth.shown])
 
 
 def lag_frames(track: Track, truth: Track, widest: int = 5) -> float:

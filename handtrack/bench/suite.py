@@ -38,6 +38,8 @@ SUITES: dict[str, tuple[str, ...]] = {
     "more": ("alike", "curls", "recorded", "back", "spheres"),
     "reduced": ("paper", "clean", "turning", "forearm"),
 }
+#: ``others``, hands that other makers modelled, are not among "all": their models do not ship.
+SUITES["others"] = ("model", "people")
 SUITES["all"] = SUITES["paper"] + SUITES["smooth"] + SUITES["more"]
 
 #: Makes ``clip.mp4``, ``truth.npz``, ``camera.toml`` and ``shape.toml`` of a condition and a seed,

@@ -29,6 +29,7 @@ MAIN: dict[str, str] = {
     "jitter_deg": "jitter",
     "jitter_truth_deg": "(truth)",
     "tracked_share": "tracked",
+    "found_share": "found",
     "frames_to_find": "to find",
     "lag_frames": "lag",
     "coverage_90": "cover 90",

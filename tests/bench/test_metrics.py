@@ -9,6 +9,7 @@ from handtrack import rotation
 from handtrack.bench.metrics import (
     bends_deg,
     coverage,
+    found_share,
     frames_to_find,
     mcp_angles_deg,
     palm_frames,
@@ -52,6 +53,16 @@ def test_the_truth_scores_perfectly() -> None:
     assert got["tracked_share"] == got["coverage_90"] == 1.0
     assert got["lag_frames"] == pytest.approx(0.0, abs=0.05)
     assert got["jitter_deg"] == got["jitter_truth_deg"] > 0
+
+
+def test_a_hand_is_found_where_its_keypoints_are_near() -> None:
+    palm_px = np.linalg.norm(TRUTH.keypoints_px[:, 9] - TRUTH.keypoints_px[:, 0], axis=-1)
+    off = 0.3 * np.median(palm_px) / np.sqrt(2)  # right and down
+    assert found_share(track_of(angles(), shift_px=0.95 * off), TRUTH) == 1.0
+    assert found_share(track_of(angles(), shift_px=1.05 * off), TRUTH) == 0.0
+    px = TRUTH.keypoints_px.copy()
+    px[:15] = np.nan
+    assert found_share(replace(TRUTH, keypoints_px=px), TRUTH) == pytest.approx(0.75)
 
 
 def test_bend_is_the_flexion_that_was_put_in() -> None:

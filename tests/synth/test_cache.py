@@ -3,6 +3,9 @@
 from pathlib import Path
 from unittest.mock import patch
 
+import pytest
+
+from handtrack.errors import InputError
 from synth import cache
 from synth.cache import ClipCache
 
@@ -44,3 +47,24 @@ def test_what_was_left_half_made_is_made_anew(tmp_path):
         assert ClipCache(tmp_path)("clean", 0) == made
     assert (made / "truth.npz").read_text() == "whole"
     assert not (made / "clip.mp4").exists()
+
+
+def test_scenes_of_other_hands_are_filmed_with_those_that_are_named(tmp_path):
+    hand, people, scenes = tmp_path / "hand.glb", tmp_path / "people", []
+
+    def noted(scene, out):
+        scenes.append(scene)
+        written(out, "")
+
+    with patch.object(cache, "write_clip", noted):
+        ClipCache(tmp_path / "a", model=hand, makehuman=people)("people", 0)
+        ClipCache(tmp_path / "b", makehuman=people)("model", 0)
+    assert [Path(scene.model) for scene in scenes] == [hand, people]
+    assert [scene.look.body for scene in scenes] == [str(people), ""]
+
+
+def test_nor_are_they_without(tmp_path):
+    with pytest.raises(InputError, match="name one with --model"):
+        ClipCache(tmp_path)("model", 0)
+    with pytest.raises(InputError, match="MakeHuman's folder"):
+        ClipCache(tmp_path, model=tmp_path)("people", 0)

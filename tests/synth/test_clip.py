@@ -13,6 +13,7 @@ from handtrack.hand.shape import HandShape
 from synth.actor import make_actor
 from synth.background import KINDS, background
 from synth.clip import Truth, frames, write_clip
+from synth.light import lamps
 from synth.scene import Scene, scene_names
 
 
@@ -193,3 +194,17 @@ def test_a_folder_that_cannot_be_made(cardboard: Scene, tmp_path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="cannot make the folder"):
         write_clip(cardboard, tmp_path / "file" / "out")
+
+
+def test_what_is_any_is_decided_by_the_seed(tiny: Scene) -> None:
+    look = replace(tiny.look, forearm="any", background="any", lights=())
+    scene = replace(tiny, side="any", look=look, motion=replace(tiny.motion, facing="any"))
+    made = [replace(scene, seed=seed).settled() for seed in range(40)]
+    assert {s.side for s in made} == {"right", "left"}
+    assert {s.look.forearm for s in made} == {"bare", "sleeve"}
+    assert {s.look.background for s in made} == set(KINDS)
+    backs = sum(s.motion.facing == "back" for s in made)
+    assert 0 < backs < 20
+    assert made[3] == replace(scene, seed=3).settled()
+    assert lamps(scene.look, 1) == lamps(scene.look, 1) != lamps(scene.look, 2)
+    assert lamps(tiny.look, 1) == (tiny.look.lights, tiny.look.ambient)

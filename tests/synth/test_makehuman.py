@@ -3,17 +3,22 @@
 import gzip
 import itertools
 import json
+from dataclasses import replace
 from itertools import islice
 
 import numpy as np
 import pytest
 
 from handtrack import rotation
-from handtrack.bench.training.makehuman import angles_of, some_arm, some_body
 from handtrack.bench.training.people import PORTRAIT_PX, pictures, portraits
 from handtrack.errors import InputError
 from handtrack.hand.kinematics import keypoints_mm
 from handtrack.hand.shape import HandShape
+from synth.actor import make_actor
+from synth.arm import angles_of
+from synth.clip import write_clip
+from synth.makehuman import some_arm, some_body
+from synth.motion import FRONTAL
 
 #: Where the right palm is in the body, and how it is turned: fingers down, the palm to the thigh.
 AT_MM = np.array([-450.0, -300.0, 0.0])
@@ -171,3 +176,52 @@ def test_portraits_are_pictures(folder, gl):
 def test_another_folder_is_refused(tmp_path):
     with pytest.raises(InputError, match="not MakeHuman's data"):
         some_arm(tmp_path, np.random.default_rng(0))
+
+
+@pytest.fixture
+def filmed(tiny, folder):
+    """Four small frames of somebody's hand."""
+    return replace(tiny, surface="model", model=str(folder))
+
+
+def test_a_clip_of_a_model_has_its_truth(filmed, gl, tmp_path):
+    truth = write_clip(filmed, tmp_path)
+    masks = np.unpackbits(truth.mask, axis=-1)[..., : filmed.width_px]
+    palm = truth.keypoints_px[:, [0, 9]].mean(axis=1).round().astype(int)
+    assert all(mask[y, x] for mask, (x, y) in zip(masks, palm, strict=True))
+    assert not (tmp_path / "shape.toml").exists()
+    lengths = np.linalg.norm(np.diff(truth.keypoints_mm[:, 5:9], axis=1), axis=-1)
+    np.testing.assert_allclose(lengths, np.tile(lengths[0], (4, 1)), rtol=1e-9)
+
+
+def test_a_left_hand_is_the_mirror_image(filmed, gl):
+    def film(side):
+        scene = replace(filmed, side=side)
+        with make_actor(scene) as actor:
+            layer = actor.draw(np.zeros(20), FRONTAL, np.array([0, 60.0, 440]), np.zeros(2))
+        return layer.skin
+
+    # the camera looks at the middle of the picture
+    assert (film("left") == film("right")[:, ::-1]).mean() > 0.99
+
+
+def test_somebody_stands_behind_the_hand(filmed, folder, gl):
+    def middle(body):
+        scene = replace(filmed, look=replace(filmed.look, body=body))
+        with make_actor(scene) as actor:
+            return actor.draw(np.zeros(20), FRONTAL, np.array([0, 60.0, 440]), np.zeros(2))
+
+    alone, before = middle(""), middle(str(folder))
+    drawn = [(layer.rgba[..., 3] > 0).sum() for layer in (alone, before)]
+    assert drawn[1] > 1.5 * drawn[0]
+    np.testing.assert_array_equal(alone.skin, before.skin)
+
+
+def test_a_scene_that_names_no_model_is_refused(filmed):
+    with pytest.raises(InputError, match="wants a model"):
+        make_actor(replace(filmed, model=""))
+
+
+def test_only_a_model_has_a_body(tiny):
+    with pytest.raises(InputError, match=r"look\.body"):
+        replace(tiny, look=replace(tiny.look, body="anything"))
