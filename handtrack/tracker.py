@@ -232,9 +232,7 @@ class Tracker:
                     view, track, estimate, agreement, judge, facing, self.rng
                 )
             if due or track.unseen:
-                hand = drawn(track.searcher.hand, estimate, evidence.camera)
-                seen = share_seen(seen_by_shape(evidence.image), hand)
-                track.unseen = seen < judge.least_seen
+                self._ask_the_shape_cue(track, estimate, evidence)
             agreement = 0.0 if track.unseen else agreement
             status = status_of(agreement, track.misses, judge)
             if status is Status.TRACKED and frame.index % ASK_EVERY == 0:
@@ -260,6 +258,14 @@ class Tracker:
             track.shape,
             self.camera,
         )
+
+    def _ask_the_shape_cue(self, track: Track, estimate: Estimate, evidence: Evidence) -> None:
+        """Does it see the hand at all, and can colours still tell the hand without it?"""
+        hand = drawn(track.searcher.hand, estimate, evidence.camera)
+        shape = seen_by_shape(evidence.image)
+        track.unseen = share_seen(shape, hand) < self.settings.judge.least_seen
+        if not track.unseen and evidence.mask.any():
+            track.segmenter.reconsider(evidence.image, evidence.mask, shape, evidence.window)
 
     def _ask_what_is_shown(self, view: View, track: Track, estimate: Estimate) -> None:
         """Find out that it is the other side of the other hand, if it is."""

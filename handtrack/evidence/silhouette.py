@@ -167,6 +167,33 @@ class Segmenter:
 
     def log_odds(self, rgb: Pixels, window: Window | None = None) -> Float:
         """Log odds of hand against background ``(h, w)``, clipped (``odds.MOST``)."""
+        odds = self._by_colour(rgb, window)
+        if not self.by_shape:
+            return odds
+        return np.clip(self.worth * odds + _by_shape(rgb), -MOST, MOST)
+
+    def reconsider(self, rgb: Pixels, inside: Mask, shape: Float, window: Window) -> None:
+        """Ask the shape cue from now on if colours can no longer tell the hand.
+
+        One that began before a wall may pass before a face.
+
+        Parameters
+        ----------
+        rgb : (h, w, 3)
+            The crop that ``window`` shows.
+        inside : (h, w)
+            What is taken for the hand.
+        shape : (m, n)
+            Log odds of the crop by the shape cue, of any size.
+        """
+        odds = self._by_colour(rgb, window)
+        shape = np.asarray(cv2.resize(shape, odds.shape[::-1]), np.float32)
+        if not self.by_shape and _need_help(odds, shape, inside):
+            near = _near(inside)
+            self.by_shape, self.worth = True, worth_of(odds[near], shape[near])
+
+    def _by_colour(self, rgb: Pixels, window: Window | None) -> Float:
+        """Log odds ``(h, w)`` by colours and background alone."""
         gain = self.colours.gain
         soft = brightened(np.asarray(cv2.GaussianBlur(rgb, (3, 3), 0.6), np.uint8), gain)
         ycc = np.asarray(cv2.cvtColor(soft, cv2.COLOR_RGB2YCrCb), np.uint8)
@@ -174,10 +201,7 @@ class Segmenter:
         local = self.background.through(window) if window is not None and known else None
         shadow = SHADOW_SHARE if self.colours.shadows else 0.0
         brighter = float(np.prod(gain)) ** (1 / 3)
-        odds = log_odds_image(rgb, ycc, self.colours.table, local, shadow, brighter)
-        if not self.by_shape:
-            return odds
-        return np.clip(self.worth * odds + _by_shape(rgb), -MOST, MOST)
+        return log_odds_image(rgb, ycc, self.colours.table, local, shadow, brighter)
 
     def relight(self, frame_rgb: Pixels) -> None:
         """Follow a change of exposure or white balance since the colours were learned."""

@@ -3,11 +3,11 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from handtrack.camera import Camera
+from handtrack.camera import Camera, Window
 from handtrack.evidence import shape_cue
 from handtrack.evidence.candidates import find_candidates, skin_log_odds
 from handtrack.evidence.evidence import see, window_around
-from handtrack.evidence.silhouette import Segmenter, worth_of
+from handtrack.evidence.silhouette import Segmenter, seen_by_shape, worth_of
 
 
 def overlap(a, b):
@@ -74,16 +74,40 @@ def test_colours_that_cannot_tell_are_helped_and_others_are_not(drawing):
         assert (mirrored.by_shape, mirrored.worth) == (alike, segmenter.worth)
 
 
-def test_colours_that_have_swallowed_a_face_are_helped(drawing):
-    tone = (214, 164, 134)
+TONE = (214, 164, 134)
+
+
+def before_a_face(drawing):
+    """A hand before an oval of its own colour, and where the two are."""
     place = drawing.plain()
     y, x = np.mgrid[: place.shape[0], : place.shape[1]]
     off = ((x - 200) / 75) ** 2 + ((y - 130) / 100) ** 2
     face = off < 1
-    place[face] = np.array(tone) * (1 - 0.3 * off[face, None])
-    drawn = drawing.draw(place, tone, drawing.spread())
-    both = drawn.mask | face
+    place[face] = np.array(TONE) * (1 - 0.3 * off[face, None])
+    drawn = drawing.draw(place, TONE, drawing.spread())
+    return drawn, drawn.mask | face
+
+
+def test_colours_that_have_swallowed_a_face_are_helped(drawing):
+    drawn, both = before_a_face(drawing)
     assert Segmenter.from_mask(drawn.image, both).by_shape
+
+
+def test_so_are_those_that_swallow_one_later(drawing):
+    first = drawing.draw(drawing.plain(), TONE, drawing.spread())
+    segmenter = Segmenter.from_mask(first.image, first.mask)
+    whole = Window(0.0, 0.0, 1.0, *first.image.shape[1::-1])
+    segmenter.reconsider(first.image, first.mask, seen_by_shape(first.image), whole)
+    assert (segmenter.by_shape, segmenter.worth) == (False, 1.0)
+    drawn, both = before_a_face(drawing)
+    odds, face = segmenter.log_odds(drawn.image, whole), both & ~drawn.mask
+    assert (odds[face] > 0).mean() > 0.9
+    segmenter.reconsider(drawn.image, odds > 0, seen_by_shape(drawn.image), whole)
+    assert segmenter.by_shape
+    assert segmenter.worth < 0.5
+    helped = segmenter.log_odds(drawn.image, whole)
+    assert helped[face].mean() < 0.3 * odds[face].mean()
+    assert (helped[drawn.mask] > 0).mean() > 0.95
 
 
 def test_colours_are_worth_what_they_are_right_about():
