@@ -188,7 +188,7 @@ class Segmenter:
         """
         odds = self._by_colour(rgb, window)
         shape = np.asarray(cv2.resize(shape, odds.shape[::-1]), np.float32)
-        if not self.by_shape and _need_help(odds, shape, inside):
+        if not self.by_shape and _contradicted(odds, shape, inside):
             near = _near(inside)
             self.by_shape, self.worth = True, worth_of(odds[near], shape[near])
 
@@ -284,9 +284,19 @@ def _by_shape(rgb: Pixels) -> Float:
 
 
 def _need_help(odds: Float, shape: Float, inside: Mask) -> bool:
-    """Whether colours cannot tell a hand ``inside`` from what is around it.
+    """Whether colours cannot tell a hand ``inside`` ``(h, w)`` from what is around it.
 
-    They take some of one for the other, or so they do by what the shape cue is sure of.
+    They take some of one for the other, or the shape cue contradicts them.
+    """
+    mask, kernel = inside.astype(np.uint8), np.ones((5, 5), np.uint8)
+    deep = cv2.erode(mask, kernel, borderValue=1) > 0
+    around = _near(inside) & (cv2.dilate(mask, kernel) == 0)
+    mistaken = max(_share(odds <= 0, deep), _share(odds > 0, around))
+    return mistaken > MOST_MISTAKEN or _contradicted(odds, shape, inside)
+
+
+def _contradicted(odds: Float, shape: Float, inside: Mask) -> bool:
+    """Whether the shape cue denies what colours claim about a hand ``inside`` ``(h, w)``.
 
     Parameters
     ----------
@@ -294,17 +304,11 @@ def _need_help(odds: Float, shape: Float, inside: Mask) -> bool:
         Log odds by colours and by shape.
     inside : (h, w) bool
     """
-    mask, kernel = inside.astype(np.uint8), np.ones((5, 5), np.uint8)
-    deep = cv2.erode(mask, kernel, borderValue=1) > 0
-    near = _near(inside)
-    around = near & (cv2.dilate(mask, kernel) == 0)
-    hand = odds > 0
+    near, hand = _near(inside), odds > 0
     seen, denied = near & (shape > SURE_SHAPE), shape < -SURE_SHAPE
-    mistaken = max(_share(~hand, deep), _share(hand, around))
     claimed = _share(denied, near & hand)
-    contested = min(_share(~hand, seen), claimed)
     swallowed = claimed > MOST_DENIED and bool(seen.any())
-    return max(mistaken, contested) > MOST_MISTAKEN or swallowed
+    return min(_share(~hand, seen), claimed) > MOST_MISTAKEN or swallowed
 
 
 def worth_of(odds: Float, shape: Float) -> float:
