@@ -13,6 +13,15 @@ from handtrack.hand.capsules import CapsuleHand
 from handtrack.records import Status
 from handtrack.refine.view import View
 
+#: How far along from wrist to middle knuckle the largest disc of a silhouette lies at most, and how
+#: far beside, in lengths of the palm. (On rendered and real clips it is at 0.8 at most, and at 1.1
+#: where a palm was on the forearm.)
+DISC_AT_MOST, DISC_BESIDE = 0.9, 0.5
+#: A palm so much foreshortened says nothing of that.
+LEAST_PALM_SEEN = 0.6
+#: What the overlap of a hand is worth at most whose palm is on the forearm: it is not tracked.
+ON_THE_ARM = 0.8
+
 
 @dataclass(frozen=True)
 class JudgeSettings:
@@ -79,14 +88,38 @@ class JudgeSettings:
 
 
 def overlap(hand: CapsuleHand, estimate: Estimate, view: View, wrist_line_mm: float) -> float:
-    """Intersection over union of model and silhouette, without forearm, inside the frame."""
+    """Intersection over union of model and silhouette, without forearm, inside the frame.
+
+    Of a hand whose palm is on the forearm it is ``ON_THE_ARM`` at most.
+    """
     pose = estimate.pose
-    return float(
+    found = float(
         capsule_overlap(
             hand, estimate.theta[None], pose.R[None], pose.t_mm[None], view.intrinsics,
             SilhouetteBits.of(view), wrist_line_mm,
         )[0]
     )  # fmt: skip
+    return min(found, ON_THE_ARM) if lies_on_the_arm(hand, estimate, view) else found
+
+
+def lies_on_the_arm(hand: CapsuleHand, estimate: Estimate, view: View) -> bool:
+    """Whether the fingers lie where the silhouette is widest, and palms are.
+
+    A bare forearm is about as wide as a palm seen from its edge, and a fist will do for fingers.
+    """
+    if not view.discs:
+        return False
+    fx, fy, cx, cy = view.intrinsics
+    length_mm = hand.shape.palm_length_mm
+    ends = estimate.pose @ np.array([[0.0, 0.0, 0.0], [0.0, length_mm, 0.0]])
+    z = np.maximum(ends[:, 2:], 1.0)
+    wrist, knuckle = ends[:, :2] / z * (fx, fy) + (cx, cy)
+    way, to_disc = knuckle - wrist, view.discs[0][0] - wrist
+    length_px = float(np.linalg.norm(way))
+    if length_px < LEAST_PALM_SEEN * fx * length_mm / z[0, 0]:
+        return False
+    along, beside = to_disc @ way, abs(to_disc[0] * way[1] - to_disc[1] * way[0])
+    return bool(along > DISC_AT_MOST * length_px**2 and beside < DISC_BESIDE * length_px**2)
 
 
 def drawn(hand: CapsuleHand, estimate: Estimate, camera: Camera) -> NDArray[np.bool_]:

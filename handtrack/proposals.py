@@ -8,7 +8,7 @@ from handtrack.proposer.network import PLACED, Hypotheses, propose
 from handtrack.proposer.picture import PALM_PER_DISC, Square, picture_of
 from handtrack.refine.view import View
 from handtrack.refined import RefinedMethod
-from handtrack.seeds import fingers_from, largest_discs
+from handtrack.seeds import fingers_from
 
 #: Turns in which a hand is shown to the network whose direction is not known.
 QUARTERS = np.radians([0.0, 90.0, 180.0, 270.0])
@@ -21,7 +21,7 @@ def hypotheses_of(
 
     It sees the hand upright, as far as that is known. None where there is no silhouette.
     """
-    discs = largest_discs(view)
+    discs = view.discs
     if not discs:
         return None
     towards = fingers_from(view, known)

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import repeat
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,7 +19,7 @@ from handtrack.estimate import Estimate
 from handtrack.fingers.silhouette import SilhouetteBits, capsule_overlap
 from handtrack.hand.skeleton import LIMITS
 from handtrack.hand.space import ConfigurationSpace
-from handtrack.judge import outline_seen
+from handtrack.judge import ON_THE_ARM, lies_on_the_arm, outline_seen
 from handtrack.parallel import each
 from handtrack.proposer.network import Hypotheses
 from handtrack.records import Pose, Shown
@@ -89,7 +88,7 @@ def find_hand(
     from them, and what they say of the finalists counts.
     """
     settings = settings or SeedSettings()
-    discs = largest_discs(view)
+    discs = view.discs
     if not discs:
         return None
     bits = SilhouetteBits.of(view)
@@ -162,25 +161,14 @@ def facing_of(estimate: Estimate) -> Shown:
 def overlaps(
     view: View, method: RefinedMethod, estimates: list[Estimate], bits: SilhouetteBits
 ) -> Array:
-    """Overlap ``(n,)`` of each estimate with the silhouette."""
+    """Overlap ``(n,)`` of each estimate with the silhouette, as :func:`handtrack.judge.overlap`."""
     theta = np.array([e.theta for e in estimates])
     R = np.array([e.pose.R for e in estimates])
     t = np.array([e.pose.t_mm for e in estimates])
     line_mm = method.settings.energy.wrist_line_mm
-    return capsule_overlap(method.hand, theta, R, t, view.intrinsics, bits, line_mm)
-
-
-def largest_discs(view: View, most: int = 3) -> list[tuple[Array, float]]:
-    """Centres and radii in px of the largest discs inside the silhouette, apart from each other."""
-    inside = np.maximum(-view.sdf, 0)
-    discs: list[tuple[Array, float]] = []
-    for _ in range(most):
-        _, radius, _, (x, y) = cv2.minMaxLoc(inside)
-        if radius < 4 or (discs and radius < 0.6 * discs[0][1]):
-            break
-        discs.append((np.array([x, y], float), float(radius)))
-        cv2.circle(inside, (x, y), int(1.3 * radius), 0.0, -1)
-    return discs
+    found = capsule_overlap(method.hand, theta, R, t, view.intrinsics, bits, line_mm)
+    on_arm = np.array([lies_on_the_arm(method.hand, e, view) for e in estimates])
+    return np.where(on_arm, np.minimum(found, ON_THE_ARM), found)
 
 
 def draw_seeds(

@@ -107,6 +107,19 @@ class View:
         inside &= (y > y0 + BORDER_PX) & (y < y1 - BORDER_PX)
         return np.column_stack([self.contour, self.normal, inside])
 
+    @cached_property
+    def discs(self) -> list[tuple[Array, float]]:
+        """Centres and radii in px of the largest discs in the silhouette, up to three, apart."""
+        inside = np.maximum(-self.sdf, 0)
+        found: list[tuple[Array, float]] = []
+        for _ in range(3):
+            _, radius, _, (x, y) = cv2.minMaxLoc(inside)
+            if radius < 4 or (found and radius < 0.6 * found[0][1]):
+                break
+            found.append((np.array([x, y], float), float(radius)))
+            cv2.circle(inside, (x, y), int(1.3 * radius), 0.0, -1)
+        return found
+
     @property
     def maps(self) -> tuple[NDArray, ...]:
         """The pictures that the kernels take."""

@@ -1,5 +1,6 @@
 """A view of a hand drawn with exact distances: no picture, no segmentation."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -70,6 +71,30 @@ def truth() -> tuple[Pose, np.ndarray]:
     theta = np.zeros(20)
     theta[[1, 4, 6, 7, 12, 14, 15]] = [0.3, 0.7, 0.8, 0.5, 0.6, 0.7, 0.4]
     return pose, theta
+
+
+@pytest.fixture(scope="session")
+def fist(method: RefinedMethod) -> tuple[Pose, np.ndarray]:
+    """A fist, upright and frontal."""
+    pose = Pose(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 60.0, 420.0]))
+    theta = np.zeros(20)
+    theta[4:] = np.tile(np.radians([75.0, 0.0, 90.0, 50.0]), 4)
+    return pose, theta
+
+
+@pytest.fixture(scope="session")
+def view_of_fist(method: RefinedMethod, fist: tuple[Pose, np.ndarray]) -> View:
+    """The fist with a bare forearm below it, as wide as its wrist."""
+    pose, theta = fist
+    sdf = union_distance(method.hand, theta, pose)
+    end = (pose @ np.zeros((1, 3)))[0]
+    px = end[:2] / end[2] * K[:2] + K[2:]
+    half = K[0] * method.shape.wrist_radius_mm / end[2]
+    y, x = np.mgrid[:SIDE, :SIDE]
+    arm = np.maximum(np.abs(x - px[0]) - half, px[1] - y)
+    outside = np.minimum(sdf, arm)
+    inside = cv2.distanceTransform((outside < 0).astype(np.uint8), cv2.DIST_L2, 5)
+    return view_of_distance(np.where(outside < -1, np.minimum(outside, -inside), outside))
 
 
 @pytest.fixture(scope="session")
