@@ -17,8 +17,9 @@ from handtrack.refine.view import View
 #: far beside, in lengths of the palm. (On rendered and real clips it is at 0.8 at most, and at 1.1
 #: where a palm was on the forearm.)
 DISC_AT_MOST, DISC_BESIDE = 0.9, 0.5
-#: A palm so much foreshortened says nothing of that.
-LEAST_PALM_SEEN = 0.6
+#: A palm so much foreshortened says nothing of that, nor does one that is so far from edge-on (the
+#: cosine of its normal to the camera's axis).
+LEAST_PALM_SEEN, EDGE_ON = 0.6, 0.7
 #: What the overlap of a hand is worth at most whose palm is on the forearm: it is not tracked.
 ON_THE_ARM = 0.8
 
@@ -107,7 +108,7 @@ def lies_on_the_arm(hand: CapsuleHand, estimate: Estimate, view: View) -> bool:
 
     A bare forearm is about as wide as a palm seen from its edge, and a fist will do for fingers.
     """
-    if not view.discs:
+    if not view.discs or abs(estimate.pose.R[2, 2]) > EDGE_ON:
         return False
     fx, fy, cx, cy = view.intrinsics
     length_mm = hand.shape.palm_length_mm
