@@ -1,5 +1,6 @@
 """How well an estimate explains a frame: the overlap of silhouettes, and the status it earns."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -19,7 +20,7 @@ from handtrack.refine.view import View
 DISC_AT_MOST, DISC_BESIDE = 0.9, 0.5
 #: A palm so much foreshortened says nothing of that, nor does one that is so far from edge-on (the
 #: cosine of its normal to the camera's axis).
-LEAST_PALM_SEEN, EDGE_ON = 0.6, 0.7
+LEAST_PALM_SEEN, NEAR_EDGE_ON = 0.6, 0.7
 #: What the overlap of a hand is worth at most whose palm is on the forearm: it is not tracked.
 ON_THE_ARM = 0.8
 
@@ -93,14 +94,23 @@ def overlap(hand: CapsuleHand, estimate: Estimate, view: View, wrist_line_mm: fl
 
     Of a hand whose palm is on the forearm it is ``ON_THE_ARM`` at most.
     """
-    pose = estimate.pose
-    found = float(
-        capsule_overlap(
-            hand, estimate.theta[None], pose.R[None], pose.t_mm[None], view.intrinsics,
-            SilhouetteBits.of(view), wrist_line_mm,
-        )[0]
-    )  # fmt: skip
-    return min(found, ON_THE_ARM) if lies_on_the_arm(hand, estimate, view) else found
+    return float(overlaps(hand, [estimate], view, SilhouetteBits.of(view), wrist_line_mm)[0])
+
+
+def overlaps(
+    hand: CapsuleHand,
+    estimates: Sequence[Estimate],
+    view: View,
+    bits: SilhouetteBits,
+    wrist_line_mm: float,
+) -> NDArray[np.float64]:
+    """The :func:`overlap` ``(n,)`` of each estimate; ``bits`` are the view's."""
+    theta = np.array([e.theta for e in estimates])
+    R = np.array([e.pose.R for e in estimates])
+    t_mm = np.array([e.pose.t_mm for e in estimates])
+    found = capsule_overlap(hand, theta, R, t_mm, view.intrinsics, bits, wrist_line_mm)
+    on_arm = [lies_on_the_arm(hand, e, view) for e in estimates]
+    return np.where(on_arm, np.minimum(found, ON_THE_ARM), found)
 
 
 def lies_on_the_arm(hand: CapsuleHand, estimate: Estimate, view: View) -> bool:
@@ -108,7 +118,7 @@ def lies_on_the_arm(hand: CapsuleHand, estimate: Estimate, view: View) -> bool:
 
     A bare forearm is about as wide as a palm seen from its edge, and a fist will do for fingers.
     """
-    if not view.discs or abs(estimate.pose.R[2, 2]) > EDGE_ON:
+    if abs(estimate.pose.R[2, 2]) > NEAR_EDGE_ON or not view.discs:
         return False
     fx, fy, cx, cy = view.intrinsics
     length_mm = hand.shape.palm_length_mm

@@ -19,7 +19,7 @@ from handtrack.estimate import Estimate
 from handtrack.fingers.silhouette import SilhouetteBits, capsule_overlap
 from handtrack.hand.skeleton import LIMITS
 from handtrack.hand.space import ConfigurationSpace
-from handtrack.judge import ON_THE_ARM, lies_on_the_arm, outline_seen
+from handtrack.judge import outline_seen, overlaps
 from handtrack.parallel import each
 from handtrack.proposer.network import Hypotheses
 from handtrack.records import Pose, Shown
@@ -112,7 +112,7 @@ def find_hand(
     found = facing_as_told(each(method.settle, repeat(view), starts), facings)
     if not found:
         return None
-    agreement = overlaps(view, method, found, bits)
+    agreement = overlaps(method.hand, found, view, bits, line_mm)
     order = finalists_of(agreement, found, settings.finalists)
     finalists = [found[k] for k in order]
     for _ in range(settings.searches):
@@ -120,7 +120,7 @@ def find_hand(
     finalists = facing_as_told(finalists, facings)
     if not finalists:
         return None
-    agreement = overlaps(view, method, finalists, bits)
+    agreement = overlaps(method.hand, finalists, view, bits, line_mm)
     near = agreement > agreement.max() - settings.overlap_margin
     seen = np.array([outline_seen(e, view, line_mm) for e in finalists])
     full = seen >= settings.outline_share * seen.max()
@@ -156,19 +156,6 @@ def facing_as_told(estimates: list[Estimate], facings: tuple[str, ...]) -> list[
 def facing_of(estimate: Estimate) -> Shown:
     """ "palm" where the palm's normal points to the camera, else "back"."""
     return "palm" if estimate.pose.R[2, 2] < 0 else "back"
-
-
-def overlaps(
-    view: View, method: RefinedMethod, estimates: list[Estimate], bits: SilhouetteBits
-) -> Array:
-    """Overlap ``(n,)`` of each estimate with the silhouette, as :func:`handtrack.judge.overlap`."""
-    theta = np.array([e.theta for e in estimates])
-    R = np.array([e.pose.R for e in estimates])
-    t = np.array([e.pose.t_mm for e in estimates])
-    line_mm = method.settings.energy.wrist_line_mm
-    found = capsule_overlap(method.hand, theta, R, t, view.intrinsics, bits, line_mm)
-    on_arm = np.array([lies_on_the_arm(method.hand, e, view) for e in estimates])
-    return np.where(on_arm, np.minimum(found, ON_THE_ARM), found)
 
 
 def draw_seeds(

@@ -51,6 +51,7 @@ class ModelActor:
         self._faces = faces[:, ::-1] if scene.side == "left" else faces
         self._middle = np.array([*scene.motion.centre_mm, scene.motion.distance_mm])
         if self._body is not None:
+            self._normals = self._body.mesh.normals(self._body.mesh.vertices)
             self._eyes_mm = body_rng.uniform(*_BODY_MM) + self._middle
             shirt = linear(some_cloth(body_rng))
             skin_of_body = complexion.of_body(self._body, tone, shirt, body_rng)
@@ -81,10 +82,9 @@ class ModelActor:
         normals = (self._arm.mesh.normals(v) * self._S) @ R.T
         seen = (v * self._S) @ R.T + t_mm
         if self._body is not None:
-            mesh = self._body.mesh
             at = self._eyes_mm + _ALONG * (t_mm + R @ (0.0, 75.0, 0.0) - self._middle)
-            seen = np.vstack([seen, mesh.vertices + at])
-            normals = np.vstack([normals, mesh.normals(mesh.vertices)])
+            seen = np.vstack([seen, self._body.mesh.vertices + at])
+            normals = np.vstack([normals, self._normals])
         colours = shade(seen, normals, self._faces, self._albedo, *self._lamps)
         rgba = self._renderer.draw(seen, self._faces, colours)
         label = self._renderer.draw(seen, self._faces, self._is_skin)

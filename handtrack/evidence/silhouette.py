@@ -186,9 +186,11 @@ class Segmenter:
         shape : (m, n)
             Log odds of the crop by the shape cue, of any size.
         """
+        if self.by_shape:
+            return
         odds = self._by_colour(rgb, window)
         shape = np.asarray(cv2.resize(shape, odds.shape[::-1]), np.float32)
-        if not self.by_shape and _contradicted(odds, shape, inside):
+        if _contradicted(odds, shape, inside):
             near = _near(inside)
             self.by_shape, self.worth = True, worth_of(odds[near], shape[near])
 
