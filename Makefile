@@ -12,7 +12,7 @@ STAMP := $(VENV)/installed
 .PHONY: test ratchet lint format demo clean
 
 test: lint
-	$(BIN)/python -m pytest -m 'not ratchet' --cov --cov-report=term:skip-covered --durations=10
+	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile -m 'not ratchet' --cov --cov-report=term:skip-covered --durations=10
 
 ratchet: $(STAMP)
 	$(BIN)/python -m pytest -m ratchet --no-cov tests/bench

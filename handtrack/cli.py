@@ -43,6 +43,7 @@ COMMANDS: dict[str, str] = {
     "bench calibration": "handtrack.bench.calibration:BenchCalibration",
     "bench clip": "handtrack.bench.peer:BenchClip",
     "bench handover": "handtrack.bench.handover:BenchHandover",
+    "bench limit": "handtrack.bench.limit:BenchLimit",
     "bench palm": "handtrack.bench.palm:BenchPalm",
     "bench samples": "handtrack.bench.commands:BenchSamples",
     "bench speed": "handtrack.bench.commands:BenchSpeed",

@@ -90,6 +90,8 @@ class Bench:
     """Another tracker's keypoints (CSV, columns as handtrack's keypoints.csv)."""
     truth: Path | None = None
     """The truth.npz that --keypoints is scored against."""
+    jobs: int = 1
+    """Clips at a time, each in a process of its own; times are those of a shared machine then."""
     baseline: Path | None = None
     """A baseline to compare with; exit code 1 if something got worse."""
     accept: bool = False
@@ -127,10 +129,12 @@ class Bench:
         )
         if not todo:
             raise InputError(f"--seeds {self.seeds}: at least one is needed")
+        if self.jobs < 1:
+            raise InputError(f"--jobs {self.jobs}: at least one is needed")
         folder = self.clips or self.out / "clips"
         render = ClipCache(folder, self.frames, self.recordings, self.model, self.makehuman)
         hidden = self.quiet or not sys.stderr.isatty()
-        runs = run_suite(todo, render, self.out, self.hand)
+        runs = run_suite(todo, render, self.out, self.hand, self.jobs)
         return list(tqdm(runs, total=len(todo), unit="clip", disable=hidden))
 
     def _foreign(self) -> Result:

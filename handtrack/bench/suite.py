@@ -9,7 +9,10 @@ hand in ``synth``'s; nothing here knows how pictures are made), are tracked by t
 import json
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Literal
 
@@ -130,12 +133,27 @@ def _hand_file(hand: HandGiven, clip: Path, out: Path) -> Path | None:
 
 
 def run_suite(
-    todo: Sequence[Trial], render: Render, out: Path, hand: HandGiven = "calibrated"
+    todo: Sequence[Trial],
+    render: Render,
+    out: Path,
+    hand: HandGiven = "calibrated",
+    jobs: int = 1,
 ) -> Iterator[Result]:
-    """The results of ``todo``, one after another; each leaves its tables in ``out``."""
-    for trial in todo:
-        clip = render(trial.condition, trial.seed)
-        yield run_trial(trial, clip, out / trial.name, hand)
+    """The results of ``todo``, in that order; each leaves its tables in ``out``.
+
+    With more than one job, so many are worked on at a time, each in a process of its own: the same
+    results, but times of a machine that is shared. ``render`` must be picklable then.
+    """
+    work = partial(_render_and_run, render=render, out=out, hand=hand)
+    if jobs == 1:
+        yield from map(work, todo)
+        return
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        yield from pool.map(work, todo)
+
+
+def _render_and_run(trial: Trial, render: Render, out: Path, hand: HandGiven) -> Result:
+    return run_trial(trial, render(trial.condition, trial.seed), out / trial.name, hand)
 
 
 def summarise(results: Sequence[Result]) -> list[dict[str, Any]]:

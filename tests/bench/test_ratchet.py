@@ -72,7 +72,8 @@ def test_a_baseline_is_written_and_read(tmp_path):
 def test_accuracy_is_not_worse_than_the_baseline(tmp_path):
     todo = trials(SUITES["reduced"], range(SEEDS), ("refined",))
     try:
-        results = list(run_suite(todo, ClipCache(tmp_path / "clips", FRAMES), tmp_path))
+        render = ClipCache(tmp_path / "clips", FRAMES)
+        results = list(run_suite(todo, render, tmp_path, jobs=2))
     except NoGLError as error:
         pytest.skip(str(error))
     assert worsened(summarise(results), read_baseline(BASELINE)) == []

@@ -85,6 +85,17 @@ def test_shuffled_digits_are_caught(monkeypatch, render, tmp_path):
     assert got["bend_deg"] > 3
 
 
+def test_two_jobs_give_what_one_gives(tmp_path):
+    render, todo = ClipCache(tmp_path / "clips", frames=12), [Trial("paper", s) for s in (0, 1)]
+    results = {}
+    for jobs in (1, 2):
+        assert [r.trial for r in run_suite(todo, render, tmp_path / f"{jobs}", jobs=jobs)] == todo
+        files = sorted((tmp_path / f"{jobs}").glob("*/*.csv"))
+        results[jobs] = [(f.relative_to(tmp_path / f"{jobs}"), f.read_bytes()) for f in files]
+    assert len(results[1]) == 4
+    assert results[1] == results[2]
+
+
 def test_the_hand_that_is_handed_over(tmp_path):
     clip, out = tmp_path / "clip", tmp_path / "out" / "a"
     assert suite._hand_file("calibrated", clip, out) is None
@@ -139,7 +150,12 @@ def test_another_tracker_is_put_in_the_same_table(render, tmp_path, capsys, monk
 
 @pytest.mark.parametrize(
     ("bench", "said"),
-    [(Bench(suite="x"), "no suite"), (Bench(seeds=0), "--seeds"), (Bench(conditions=("x",)), "x")],
+    [
+        (Bench(suite="x"), "no suite"),
+        (Bench(seeds=0), "--seeds"),
+        (Bench(jobs=0), "--jobs"),
+        (Bench(conditions=("x",)), "x"),
+    ],
 )
 def test_bad_requests_are_one_line(bench, said, tmp_path):
     with pytest.raises(InputError, match=said):
