@@ -30,7 +30,6 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from handtrack.camera import Window
 from handtrack.evidence import shape_cue
@@ -38,6 +37,7 @@ from handtrack.evidence.background import Background, shrink
 from handtrack.evidence.candidates import LONG_SIDE_PX, Candidate, find_candidates, ranked
 from handtrack.evidence.colour import ColourModel, brightened
 from handtrack.evidence.odds import MOST, log_odds_image
+from handtrack.evidence.worth import contradicted, near, need_help, worth_of
 
 Pixels = NDArray[np.uint8]
 Float = NDArray[np.float32]
@@ -47,15 +47,8 @@ Mask = NDArray[np.bool_]
 SHADOW_SHARE = 0.05
 #: What is joined to the hand by colour and more of the frame than this is a table, no forearm.
 MOST_COVERED = 0.5
-#: Share of the hand and of what is around it that colours may take for the other without help.
-MOST_MISTAKEN = 0.03
 #: Scales at which the shape cue then sees the picture; its answers are averaged.
 SHAPE_SCALES = (0.5, 0.75)
-#: Log odds from which the shape cue is sure.
-SURE_SHAPE = 2.0
-#: Where the shape cue sees a hand, and denies more than this of what colours take for it, they have
-#: swallowed something else: a face behind it.
-MOST_DENIED = 0.12
 #: Where shadows would swallow more of the first silhouette than this, there are none.
 MOST_SHADOW = 0.03
 
@@ -129,16 +122,16 @@ class Segmenter:
             colours = _learn_colours(small, inside, shadows=False)
         soft = np.asarray(cv2.GaussianBlur(small, (3, 3), 0), np.uint8)
         odds, shape = colours.log_odds(soft), _by_shape(small) if shape is None else shape
-        helped = odds + shape if _need_help(odds, shape, inside) else odds
-        near = cv2.dilate(inside.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
-        relabelled = (helped > 0) & near
+        helped = odds + shape if need_help(odds, shape, inside) else odds
+        close = cv2.dilate(inside.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
+        relabelled = (helped > 0) & close
         if relabelled.sum() > 0.5 * inside.sum():
             inside, colours = relabelled, _learn_colours(small, relabelled, colours.shadows)
         odds = colours.log_odds(soft)
-        by_shape = _need_help(odds, shape, inside)
+        by_shape = need_help(odds, shape, inside)
         worth = 1.0
         if by_shape:
-            close = _near(inside)
+            close = near(inside)
             worth = worth_of(odds[close], shape[close])
         segmenter = cls(colours, background, by_shape=by_shape, worth=worth)
         segmenter.background.forget(mask)
@@ -190,9 +183,9 @@ class Segmenter:
             return
         odds = self._by_colour(rgb, window)
         shape = np.asarray(cv2.resize(shape, odds.shape[::-1]), np.float32)
-        if _contradicted(odds, shape, inside):
-            near = _near(inside)
-            self.by_shape, self.worth = True, worth_of(odds[near], shape[near])
+        if contradicted(odds, shape, inside):
+            close = near(inside)
+            self.by_shape, self.worth = True, worth_of(odds[close], shape[close])
 
     def _by_colour(self, rgb: Pixels, window: Window | None) -> Float:
         """Log odds ``(h, w)`` by colours and background alone."""
@@ -285,62 +278,6 @@ def _by_shape(rgb: Pixels) -> Float:
     return np.mean(answers, axis=0, dtype=np.float32)
 
 
-def _need_help(odds: Float, shape: Float, inside: Mask) -> bool:
-    """Whether colours cannot tell a hand ``inside`` ``(h, w)`` from what is around it.
-
-    They take some of one for the other, or the shape cue contradicts them.
-    """
-    mask, kernel = inside.astype(np.uint8), np.ones((5, 5), np.uint8)
-    deep = cv2.erode(mask, kernel, borderValue=1) > 0
-    around = _near(inside) & (cv2.dilate(mask, kernel) == 0)
-    mistaken = max(_share(odds <= 0, deep), _share(odds > 0, around))
-    return mistaken > MOST_MISTAKEN or _contradicted(odds, shape, inside)
-
-
-def _contradicted(odds: Float, shape: Float, inside: Mask) -> bool:
-    """Whether the shape cue denies what colours claim about a hand ``inside`` ``(h, w)``.
-
-    Parameters
-    ----------
-    odds, shape : (h, w)
-        Log odds by colours and by shape.
-    inside : (h, w) bool
-    """
-    near, hand = _near(inside), odds > 0
-    seen, denied = near & (shape > SURE_SHAPE), shape < -SURE_SHAPE
-    claimed = _share(denied, near & hand)
-    swallowed = claimed > MOST_DENIED and bool(seen.any())
-    return min(_share(~hand, seen), claimed) > MOST_MISTAKEN or swallowed
-
-
-def worth_of(odds: Float, shape: Float) -> float:
-    """What log odds ``(n,)`` by colours are worth where ``shape`` ``(n,)`` are those by shape.
-
-    The slope, 0 to 1, of the logistic regression of the one's probability on the other: colours
-    that are sure of what the shape cue denies have a small one.
-
-    >>> by_shape = np.linspace(-4, 4, 50)
-    >>> round(worth_of(by_shape, by_shape), 2), round(worth_of(4 * by_shape, by_shape), 2)
-    (1.0, 0.25)
-    """
-    probability = 1 / (1 + np.exp(-shape))
-
-    def cross_entropy(slope: float) -> float:
-        return float(np.mean(np.logaddexp(0.0, slope * odds) - probability * slope * odds))
-
-    return float(minimize_scalar(cross_entropy, bounds=(0.0, 1.0), method="bounded").x)
-
-
-def _near(inside: Mask) -> Mask:
-    """A silhouette and what is within twenty pixels of it."""
-    return np.asarray(cv2.dilate(inside.astype(np.uint8), np.ones((41, 41), np.uint8)) > 0)
-
-
-def _share(what: Mask, where: Mask) -> float:
-    """Share of ``where`` that is ``what``; 0 of nothing."""
-    return float(what[where].mean()) if where.any() else 0.0
-
-
 def _shadows_swallow(colours: ColourModel, small: Pixels, inside: Mask) -> bool:
     """Whether much of the hand looks like shaded background (a grey hand before a grey wall)."""
     without = _learn_colours(small, inside, shadows=False)
@@ -356,8 +293,8 @@ def _learn_colours(small: Pixels, inside: Mask, shadows: bool = True) -> ColourM
     if sure.sum() < 0.3 * inside.sum():
         sure = inside
     outside = cv2.dilate(mask, kernel) == 0
-    near = cv2.dilate(mask, np.ones((31, 31), np.uint8)) > 0
-    weight = np.where(near, 2.0, 1.0).astype(np.float32)
+    close = cv2.dilate(mask, np.ones((31, 31), np.uint8)) > 0
+    weight = np.where(close, 2.0, 1.0).astype(np.float32)
     return ColourModel.from_samples(
         small[sure], small[outside], background_weight=weight[outside], shadows=shadows
     )

@@ -7,7 +7,8 @@ from handtrack.camera import Camera, Window
 from handtrack.evidence import shape_cue
 from handtrack.evidence.candidates import find_candidates, skin_log_odds
 from handtrack.evidence.evidence import see, window_around
-from handtrack.evidence.silhouette import Segmenter, seen_by_shape, worth_of
+from handtrack.evidence.silhouette import Segmenter, seen_by_shape
+from handtrack.evidence.worth import worth_of
 
 
 def overlap(a, b):
