@@ -1,10 +1,11 @@
 """Whether a hand shows the side that it was taken to show, told by and by.
 
 Where neither side nor facing is told, a hand is taken to show its palm: the back of a left hand is
-then followed as the palm of a right one, and its silhouette agrees. What the
-:mod:`~handtrack.proposer.facing_cue` says of frame after frame is added up, as in a sequential test
-(Wald 1945), until it speaks clearly for either side. Neighbouring frames look alike, so each counts
-for a part of what it says, and what says little does not count at all.
+then followed as the palm of a right one, and its silhouette agrees. And a little finger, or what is
+behind the hand, may be taken for the thumb. What the :mod:`~handtrack.proposer.facing_cue` says of
+frame after frame is added up, as in a sequential test (Wald 1945), until it speaks clearly for or
+against what is followed; palm and thumb have a test each. Neighbouring frames look alike, so each
+counts for a part of what it says, and what says little does not count at all.
 """
 
 from dataclasses import dataclass
@@ -29,22 +30,21 @@ class FacingSettings:
 
 
 class FacingTest:
-    """Adds up what speaks for the side that is followed."""
+    """Adds up what speaks for what is followed."""
 
     def __init__(self, settings: FacingSettings | None = None) -> None:
         self.settings = settings or FacingSettings()
         self.lead = 0.0
 
-    def watch(self, palm_log_odds: float, is_palm: bool) -> None:
-        """Take in a frame: log odds of a palm, and whether a palm is followed."""
+    def watch(self, told: float) -> None:
+        """Take in a frame: log odds of what is followed."""
         s = self.settings
-        told = palm_log_odds if is_palm else -palm_log_odds
         clear = max(told - s.right, 0.0) - max(-told - s.wrong, 0.0)
         self.lead += s.share * float(np.clip(clear, -s.most, s.most))
 
     @property
     def is_wrong(self) -> bool:
-        """Whether the other side of the hand is shown."""
+        """Whether it is otherwise."""
         return self.lead <= -self.settings.sure
 
     @property

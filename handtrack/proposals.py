@@ -39,8 +39,8 @@ def hypotheses_near(view: View, method: RefinedMethod, known: Estimate) -> Hypot
     return propose(view.grey, view.sdf < 0, square, view.intrinsics)
 
 
-def palm_log_odds(view: View, method: RefinedMethod, known: Estimate) -> float:
-    """Log odds that a known hand shows its palm, whichever hand it is."""
+def shown_log_odds(view: View, method: RefinedMethod, known: Estimate) -> facing_cue.LogOdds:
+    """What a known hand shows, whichever hand it is."""
     square = square_about(view, method, known)
     return facing_cue.log_odds(picture_of(view.grey, view.sdf < 0, square))
 

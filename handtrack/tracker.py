@@ -43,7 +43,7 @@ from handtrack.judge import (
 )
 from handtrack.layers import Seen
 from handtrack.paper import PaperMethod, PaperSettings
-from handtrack.proposals import hypotheses_near, palm_log_odds
+from handtrack.proposals import hypotheses_near, shown_log_odds
 from handtrack.records import (
     OTHER_SIDE,
     OTHER_WAY,
@@ -128,8 +128,9 @@ class Tracker:
         self.search: SearchedStart | None = None  # while no open palm starts the track
         self.side: str = settings.side  # what is told, or has been learned, or "auto"
         self.facing: Shown = "back" if settings.facing == "back" else "palm"  # as hands are shown
-        asked = settings.facing == "auto" and settings.side == "auto"
-        self.shown = FacingTest(settings.shown) if asked else None
+        auto = settings.side == "auto"
+        self.shown = FacingTest(settings.shown) if auto and settings.facing == "auto" else None
+        self.thumb = FacingTest(settings.shown) if auto else None
         self.found_out: tuple[Side, Shown] | None = None  # other than it was taken for
         self.last_evidence: Evidence | None = None
         self.seen: Seen | None = None  # of the last frame that was followed
@@ -205,10 +206,9 @@ class Tracker:
             self.track = Track(start, searcher, method, side_told=self.side != "auto")
             self.search = None
 
-    def _other_hand(self, track: Track) -> None:
-        """Begin anew, with the side that the track was not."""
-        self.side = OTHER_SIDE[track.side]
-        self.track = None
+    def _begin_anew(self, side: Side) -> None:
+        """Forget the track: it is a hand of this side."""
+        self.side, self.track = side, None
 
     def _follow(self, frame: Frame, filmed: Image, track: Track) -> FrameResult:
         image = np.ascontiguousarray(filmed[:, ::-1]) if track.side == "left" else filmed
@@ -238,7 +238,8 @@ class Tracker:
             if status is Status.TRACKED and frame.index % ASK_EVERY == 0:
                 self._ask_what_is_shown(view, track, estimate)
         if track.is_other_hand:
-            self._other_hand(track)
+            self._begin_anew(OTHER_SIDE[track.side])
+        if self.track is None:
             return self.step(frame)
         track.accept(estimate, status)
         if status is Status.TRACKED:
@@ -268,16 +269,25 @@ class Tracker:
             track.segmenter.reconsider(evidence.image, evidence.mask, shape, evidence.window)
 
     def _ask_what_is_shown(self, view: View, track: Track, estimate: Estimate) -> None:
-        """Find out that it is the other side of the other hand, if it is."""
-        test, now = self.shown, facing_of(estimate)
-        if test is None or test.is_over or abs(estimate.pose.R[2, 2]) < EDGE_ON:
+        """Find out that it is the other hand, seen from the other side or not, if it is."""
+        asked = [test for test in (self.shown, self.thumb) if test is not None and not test.is_over]
+        if not asked or abs(estimate.pose.R[2, 2]) < EDGE_ON:
             return
-        test.watch(palm_log_odds(view, track.searcher, estimate), now == "palm")
-        if test.is_wrong:
-            track.is_other_hand = True
-            at_first = OTHER_WAY[self.facing]  # it may have turned since
-            self.found_out = (OTHER_SIDE[track.side], at_first)
-            self.facing, self.shown = OTHER_WAY[now], None
+        told, now = shown_log_odds(view, track.searcher, estimate), facing_of(estimate)
+        sign = 1 if now == "palm" else -1  # a right hand is followed, whichever it is
+        for test, log_odds in ((self.shown, told.palm), (self.thumb, told.thumb_right)):
+            if test in asked:
+                test.watch(sign * log_odds)
+        if not any(test.is_wrong for test in asked):
+            return
+        turned, swapped = (test is not None and test.lead < 0 for test in (self.shown, self.thumb))
+        # the outline of another hand's palm is this one's back; with both it is this hand's back
+        other = OTHER_SIDE[track.side]
+        side = other if turned != swapped else OTHER_SIDE[other]
+        self.found_out = (side, OTHER_WAY[self.facing] if turned else self.facing)  # at the start
+        self.facing = OTHER_WAY[now] if turned else now
+        self.shown = self.thumb = None
+        self._begin_anew(side)
 
     def _see(self, image: Image, track: Track, predicted: Estimate) -> tuple[Evidence, View]:
         camera = self._tracked_camera(track)
@@ -313,7 +323,7 @@ class Tracker:
                 self.settings.start, "right" if sure else None, track.quality,
             )  # fmt: skip
             if found is not None and found.side == "left":
-                self._other_hand(track)
+                self._begin_anew(OTHER_SIDE[track.side])
             elif found is not None:
                 track.shape, track.quality = found.shape, found.quality
                 track.searcher = self._searcher(found.shape)

@@ -7,6 +7,7 @@ import pytest
 
 from calib.hand import calibrate_hand
 from handtrack.hand.space import default
+from handtrack.proposer.facing_cue import LogOdds
 from handtrack.records import Frame, Status
 from handtrack.tracker import Tracker, TrackerSettings
 from synth.actor import make_actor
@@ -59,3 +60,27 @@ def test_what_is_told_is_not_doubted(back, told) -> None:
     tracker, results = followed(*back, **told)
     assert tracker.found_out is None
     assert {r.side for r in results} == {"right"}
+
+
+@pytest.mark.parametrize(
+    ("palm", "thumb", "found_out"),
+    [
+        (4.0, -4.0, ("right", "palm")),
+        (-4.0, 4.0, ("right", "back")),
+        (-4.0, -4.0, ("left", "back")),
+    ],
+)
+def test_what_the_cue_denies_says_which_hand_it_is(monkeypatch, palm, thumb, found_out):
+    """A left palm, of which palm, thumb or both are denied for as long as it is followed as one."""
+    monkeypatch.setattr("handtrack.tracker.shown_log_odds", lambda *_: LogOdds(palm, thumb))
+    tracker, results = followed(*filmed("palm", "left"))
+    assert {r.side for r in results[:-1]} == {"left"}
+    assert tracker.found_out == found_out
+    assert (tracker.side, tracker.facing) == found_out
+    assert tracker.shown is tracker.thumb is None  # nothing more is asked
+
+
+def test_where_the_facing_is_told_the_thumb_is_still_asked(monkeypatch):
+    monkeypatch.setattr("handtrack.tracker.shown_log_odds", lambda *_: LogOdds(-4.0, -4.0))
+    tracker, _ = followed(*filmed("palm", "left"), facing="palm")
+    assert tracker.found_out == ("right", "palm")

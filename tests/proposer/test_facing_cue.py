@@ -22,17 +22,28 @@ def seen(gl):
 
 def test_palms_and_backs_are_told_apart_and_sureness_is_earned(seen):
     shown, is_palm = seen
-    told = np.array([log_odds(picture) for picture in shown])
+    told = np.array([log_odds(picture).palm for picture in shown])
     right = (told > 0) == is_palm
     assert right.mean() > 0.8
     assert right[np.abs(told) > 2].mean() > 0.95
 
 
-def test_a_mirror_image_shows_the_same_side(seen):
+def test_the_thumb_is_seen(seen):
+    """Of right hands it is to the right where the palm is shown."""
+    shown, is_palm = seen
+    told = np.array([log_odds(picture).thumb_right for picture in shown])
+    right = (told > 0) == is_palm
+    assert right.mean() > 0.9
+    assert right[np.abs(told) > 2].mean() > 0.97
+
+
+def test_a_mirror_image_shows_the_same_side_and_the_other_hand(seen):
     for picture in seen[0][:5]:
-        assert log_odds(picture[..., ::-1].copy()) == pytest.approx(log_odds(picture), abs=1e-4)
+        one, mirrored = log_odds(picture), log_odds(picture[..., ::-1].copy())
+        assert one.palm == pytest.approx(mirrored.palm, abs=1e-4)
+        assert one.thumb_right == pytest.approx(-mirrored.thumb_right, abs=1e-4)
 
 
-def test_a_silhouette_alone_says_little(seen):
-    told = [log_odds(np.stack([picture[0], 0 * picture[0]])) for picture in seen[0]]
+def test_a_silhouette_alone_says_little_of_the_side(seen):
+    told = [log_odds(np.stack([picture[0], 0 * picture[0]])).palm for picture in seen[0]]
     assert np.abs(told).max() < 2.5

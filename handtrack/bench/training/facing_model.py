@@ -1,4 +1,4 @@
-"""The network of the facing cue (PyTorch): palm or back."""
+"""The network of the facing cue (PyTorch): palm or back, and which way round."""
 
 from torch import Tensor, nn
 from torch.nn import functional
@@ -14,7 +14,10 @@ SMOOTHED = 0.02
 
 
 class FacingNetwork(nn.Module):
-    """Pictures ``(n, 2, SIDE_PX, SIDE_PX)`` to log odds ``(n, 1)`` of a palm."""
+    """Pictures ``(n, 2, SIDE_PX, SIDE_PX)`` to log odds ``(n, 2)``.
+
+    Of a palm, and of the thumb to the right of fingers that point up.
+    """
 
     def __init__(self) -> None:
         super().__init__()
@@ -25,7 +28,7 @@ class FacingNetwork(nn.Module):
             *(convolved(d, 32, 1), nn.Flatten(), nn.Dropout(0.3)),
         )
         self.hidden = nn.Linear(32 * (SIDE_PX // 16) ** 2, HIDDEN)
-        self.out = nn.Linear(HIDDEN, 1)
+        self.out = nn.Linear(HIDDEN, 2)
 
     def forward(self, pictures: Tensor) -> Tensor:
         """Log odds."""
@@ -33,7 +36,7 @@ class FacingNetwork(nn.Module):
         return answer
 
 
-def facing_loss(log_odds: Tensor, is_palm: Tensor) -> Tensor:
-    """Cross entropy; ``log_odds`` are ``(n, 1)``, ``is_palm`` ``(n,)`` is 0 or 1."""
-    wanted = (1 - SMOOTHED) * is_palm + 0.5 * SMOOTHED
-    return functional.binary_cross_entropy_with_logits(log_odds[:, 0], wanted)
+def facing_loss(log_odds: Tensor, truth: Tensor) -> Tensor:
+    """Cross entropy; both are ``(n, 2)``, the truth 0 or 1."""
+    wanted = (1 - SMOOTHED) * truth + 0.5 * SMOOTHED
+    return functional.binary_cross_entropy_with_logits(log_odds, wanted)

@@ -7,7 +7,7 @@ be and turned.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -39,14 +39,23 @@ class Lesson:
     place: Float  # (3,) where the palm lies over the disc's radius, and log of its length over that
 
 
-def lesson_from(picture: Picture, rng: np.random.Generator) -> Lesson:
-    """A lesson, other every time."""
+def lesson_from(
+    picture: Picture, rng: np.random.Generator, off_upright: float | None = None
+) -> Lesson:
+    """A lesson, other every time.
+
+    With ``off_upright`` the fingers point up in the square to within so many radians, as in a track
+    (a standard deviation); else they point anywhere a start may have it.
+    """
     mask = (picture.alpha > 128).astype(np.uint8)
     for spoil, share in _SPOILS:
         if rng.random() < share:
             spoiled = spoil(mask, picture, rng)
             mask = spoiled if cv2.countNonZero(spoiled) > FEWEST_PX else mask
     square = _square(mask, picture, rng)
+    if off_upright is not None:
+        fingers = np.arctan2(picture.R[0, 1], -picture.R[1, 1])
+        square = replace(square, turn=float(fingers + rng.normal(0, off_upright)))
     seen = picture_of(exposed(picture, rng), mask > 0, square)
     ray = (picture.at_px - (SIDE_PX - 1) / 2) / picture.focal_px
     back = rotation.about_z(-square.turn)
