@@ -10,9 +10,12 @@ from synth.pictures import PALM_PX, pictures
 
 @pytest.fixture(scope="module")
 def seen(gl):
-    """Rendered hands, and whether each shows its palm."""
+    """Rendered hands, fingers up as in a track, and whether each shows its palm."""
     hands = [p for p in islice(pictures(np.random.default_rng(78)), 60) if abs(p.R[2, 2]) > 0.5]
-    squares = [Square(p.at_px, PALM_PX / PALM_PER_DISC) for p in hands]
+    turns = [np.arctan2(p.R[0, 1], -p.R[1, 1]) for p in hands]
+    squares = [
+        Square(p.at_px, PALM_PX / PALM_PER_DISC, turn) for p, turn in zip(hands, turns, strict=True)
+    ]
     shown = [
         picture_of(np.asarray(p.grey, float), p.alpha > 128, square)
         for p, square in zip(hands, squares, strict=True)
