@@ -32,8 +32,8 @@ from scipy.optimize import least_squares
 
 from calib.hand import calibrate_hand
 from handtrack import rotation
-from handtrack.bench.metrics import PAPER_ROWS, Scores, score
-from handtrack.bench.table import PAPER, aligned
+from handtrack.bench.metrics import Scores, score
+from handtrack.bench.table import PAPER, PUBLISHED, aligned
 from handtrack.bench.tracks import Track, read_truth
 from handtrack.camera import Camera
 from handtrack.errors import InputError
@@ -129,7 +129,7 @@ def limit_of(clip: Path, hand: Hand, noise_px: float, expected_px: float, seed: 
     rng, prior = np.random.default_rng(seed), Gaussian.of_hands()
     chosen = np.arange(0, len(truth), 2)
     found: list[Array] = []
-    near = prior
+    near = prior  # and near the last frame, from the second on
     for k in chosen:
         points = truth.keypoints_px[k] + noise_px * rng.standard_normal((21, 2))
         pose, theta = fit_points(
@@ -179,9 +179,7 @@ class BenchLimit:
         render = ClipCache(self.clips or self.out / "clips", self.frames)
         seeds = range(self.first_seed, self.first_seed + self.seeds)
         clips = [render(self.condition, seed) for seed in seeds]
-        rows = [["hand", "noise px", *PAPER.values()]]
-        theirs = [f"{PAPER_ROWS[n]:.2f}" if n in PAPER_ROWS else "" for n in PAPER]
-        rows.append(["(published)", "", *theirs])
+        rows = [["hand", "noise px", *PAPER.values()], ["(published)", "", *PUBLISHED]]
         for hand in get_args(Hand):
             for noise in self.noise_px:
                 every = [

@@ -46,6 +46,8 @@ PAPER: dict[str, str] = {
     "ring_pip_deg": "ring PIP",
     "ring_abduction_deg": "ring abd.",
 }
+#: What the paper says of them, a cell for each; empty where it says nothing.
+PUBLISHED = [f"{PAPER_ROWS[name]:.2f}" if name in PAPER_ROWS else "" for name in PAPER]
 
 
 def as_text(summary: Sequence[Mapping[str, Any]], columns: Mapping[str, str]) -> str:
@@ -61,12 +63,11 @@ def as_text(summary: Sequence[Mapping[str, Any]], columns: Mapping[str, str]) ->
 def paper_table(summary: Sequence[Mapping[str, Any]]) -> str:
     """The six numbers of the paper's simulation, theirs first."""
     head = ["condition", "method", *PAPER.values()]
-    theirs = [f"{PAPER_ROWS[name]:.2f}" if name in PAPER_ROWS else "" for name in PAPER]
     body = [
         [row["condition"], method_of(row), *(_cell(row["scores"].get(name)) for name in PAPER)]
         for row in summary
     ]
-    return aligned([head, ["(published)", "paper", *theirs], *body])
+    return aligned([head, ["(published)", "paper", *PUBLISHED], *body])
 
 
 def samples_table(outcomes: Sequence[Outcome]) -> str:

@@ -23,21 +23,16 @@ def seen(gl):
     return shown, np.array([p.R[2, 2] < 0 for p in hands])
 
 
-def test_palms_and_backs_are_told_apart_and_sureness_is_earned(seen):
+@pytest.mark.parametrize(
+    ("what", "most", "nearly_all"), [("palm", 0.8, 0.95), ("thumb_right", 0.9, 0.97)]
+)
+def test_palms_and_thumbs_are_told_and_sureness_is_earned(seen, what, most, nearly_all):
+    """A right hand's thumb is to the right where the palm is shown."""
     shown, is_palm = seen
-    told = np.array([log_odds(picture).palm for picture in shown])
+    told = np.array([getattr(log_odds(picture), what) for picture in shown])
     right = (told > 0) == is_palm
-    assert right.mean() > 0.8
-    assert right[np.abs(told) > 2].mean() > 0.95
-
-
-def test_the_thumb_is_seen(seen):
-    """Of right hands it is to the right where the palm is shown."""
-    shown, is_palm = seen
-    told = np.array([log_odds(picture).thumb_right for picture in shown])
-    right = (told > 0) == is_palm
-    assert right.mean() > 0.9
-    assert right[np.abs(told) > 2].mean() > 0.97
+    assert right.mean() > most
+    assert right[np.abs(told) > 2].mean() > nearly_all
 
 
 def test_a_mirror_image_shows_the_same_side_and_the_other_hand(seen):

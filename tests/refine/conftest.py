@@ -74,7 +74,7 @@ def truth() -> tuple[Pose, np.ndarray]:
 
 
 @pytest.fixture(scope="session")
-def fist(method: RefinedMethod) -> tuple[Pose, np.ndarray]:
+def fist() -> tuple[Pose, np.ndarray]:
     """A fist, upright and frontal."""
     pose = Pose(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 60.0, 420.0]))
     theta = np.zeros(20)
